@@ -147,7 +147,7 @@ static int wanted(const search *of, const rx_source *s, const rx_template_residu
 static rx_status choose(const search *of, int from, int to, rx_sources *found, rx_error *err)
 {
     const rx_template_residual *leftover = &of->leftover;
-    const int width = leftover->canvas->width, height = leftover->canvas->height;
+    const int width = leftover->image->width, height = leftover->image->height;
     const double margin = BORDER * of->extra->psf->fwhm;
     unsigned char *keep = RX_NEW(unsigned char, (size_t)found->n);
     rx_template_residual_pixel *spots = RX_NEW(rx_template_residual_pixel, (size_t)found->n);
@@ -226,7 +226,7 @@ static rx_status add_seconds(const rx_tphot_search *look, double threshold, rx_s
         s->cxx = s->cyy = 1 / square;
         s->a = s->b = sqrt(square);
         s->analysis_threshold =
-            threshold * sqrt((double)rx_fit_image_variance(look->canvas, s->xpeak, s->ypeak));
+            threshold * sqrt((double)rx_fit_image_variance(look->image, s->xpeak, s->ypeak));
     }
     return RX_OK;
 }
@@ -250,7 +250,7 @@ static rx_status positions(const rx_sources *found, int first, double (**dst)[2]
  * large as the PSF. */
 static rx_status detect(const search *of, int from, int to, rx_sources **dst, rx_error *err)
 {
-    const int width = of->leftover.canvas->width, height = to - from;
+    const int width = of->leftover.image->width, height = to - from;
     const size_t npixels = (size_t)width * (size_t)height;
     rx_detect_params par = *of->extra->detect;
     float *filtered = RX_NEW(float, npixels), *noise = RX_NEW(float, npixels);
@@ -287,7 +287,7 @@ static rx_status detect(const search *of, int from, int to, rx_sources **dst, rx
 /* What ends in the rows from .. to - 1. */
 static rx_status find_in_band(search *of, int from, int to, rx_error *err)
 {
-    const int height = of->leftover.canvas->height, top = from > AROUND ? from - AROUND : 0;
+    const int height = of->leftover.image->height, top = from > AROUND ? from - AROUND : 0;
     const int end = to + AROUND < height ? to + AROUND : height;
     rx_sources *found = NULL;
     rx_status status = detect(of, top, end, &found, err);
@@ -309,7 +309,7 @@ static rx_status find_in_band(search *of, int from, int to, rx_error *err)
 static rx_status find_all(search *of, rx_error *err)
 {
     rx_template_extra *extra = of->extra;
-    const int width = of->leftover.canvas->width, height = of->leftover.canvas->height;
+    const int width = of->leftover.image->width, height = of->leftover.image->height;
     const int rows = (BAND / width / STEP + 1) * STEP;
     rx_status status = RX_OK;
     RX_TRY(sort_taken(of, err));
@@ -327,16 +327,16 @@ rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double
                                  rx_error *err)
 {
     rx_template_extra *extra = user;
-    rx_fit_image *canvas = look->canvas;
+    rx_fit_image *image = look->image;
     const int before = extra->found != NULL ? extra->found->n : 0;
     int side = 0;
-    float *stamp = matched_filter(extra->psf, canvas->width, canvas->height, &side);
+    float *stamp = matched_filter(extra->psf, image->width, image->height, &side);
     if (stamp == NULL)
         return rx_error_memory(err, 0);
     const double norm = rx_filter_norm(stamp, side * side);
     const double threshold =
         norm * (look->crowd->n > 0 ? fmin(extra->threshold, extra->crowd_threshold) : extra->threshold);
-    const double grain = rx_noise_factor(canvas->correlation, stamp, side, side);
+    const double grain = rx_noise_factor(image->correlation, stamp, side, side);
     rx_filter filter = {0};
     rx_status status = rx_filter_new(stamp, side, side, &filter, err);
     free(stamp);
@@ -345,7 +345,7 @@ rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double
     search of = {.extra = extra,
                  .look = look,
                  .norm = norm,
-                 .leftover = {.canvas = canvas,
+                 .leftover = {.image = image,
                               .pixels = extra->pixels,
                               .level = extra->level,
                               .reach = (int)ceil(NEAR * fmax(extra->psf->fwhm, 1.0)),

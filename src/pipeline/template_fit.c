@@ -290,7 +290,7 @@ static bool is_artefact(const rx_sources *sources, int i)
 }
 
 /* How well the models explain the image; what is an artefact says nothing of sources. */
-static rx_status tell_tile(const work *w, const rx_sources *sources, rx_error *err)
+static rx_status describe_tile(const work *w, const rx_sources *sources, rx_error *err)
 {
     rx_template_fit *dst = w->dst;
     const rx_tphot *tphot = dst->tphot;
@@ -407,7 +407,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
         RX_TRY_EXIT(rx_hits_mark(&observed, params->nthreads, listed, sources, err));
         RX_TRY_EXIT(rx_lines_mark(&observed, params->nthreads, sources, err));
     }
-    RX_TRY_EXIT(tell_tile(&w, sources, err));
+    RX_TRY_EXIT(describe_tile(&w, sources, err));
     RX_TRY_EXIT(fit_positions(&w, sources, err));
     dst->unknown_noise = noiseless && !(dst->chi2 < UNTESTABLE * UNTESTABLE);
     if (dst->unknown_noise)

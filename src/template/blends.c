@@ -160,12 +160,12 @@ rx_status rx_blends_find(const rx_tphot_params *par, const rx_footprint *const *
                           .start = RX_NEW(int, room),
                           .member = RX_NEW(int, room),
                           .cut = RX_NEW(int, room),
-                          .torn = RX_NEW(int, room)};
+                          .divided = RX_NEW(int, room)};
     int *parent = RX_NEW(int, room), *members = RX_NEW(int, room);
     double *power = RX_NEW(double, room);
     rx_status status = RX_OK;
     if (blends->group == NULL || blends->start == NULL || blends->member == NULL || blends->cut == NULL ||
-        blends->torn == NULL || parent == NULL || members == NULL || power == NULL)
+        blends->divided == NULL || parent == NULL || members == NULL || power == NULL)
         status = rx_error_memory(err, 6 * room * sizeof(int));
     if (status == RX_OK)
         status = fill_cells(footprints, n, width, height, &c, err);
@@ -191,9 +191,9 @@ rx_status rx_blends_find(const rx_tphot_params *par, const rx_footprint *const *
     number(parent, blends);
     list_members(blends, members);
     for (int i = 0; i < n; i++)
-        if (blends->cut[i] && !blends->torn[blends->group[i]]) {
-            blends->torn[blends->group[i]] = 1;
-            blends->ntorn++;
+        if (blends->cut[i] && !blends->divided[blends->group[i]]) {
+            blends->divided[blends->group[i]] = 1;
+            blends->ndivided++;
         }
 exit:
     free(c.start);
@@ -213,6 +213,6 @@ void rx_blends_clear(rx_blends *blends)
     free(blends->start);
     free(blends->member);
     free(blends->cut);
-    free(blends->torn);
+    free(blends->divided);
     *blends = (rx_blends){0};
 }

@@ -12,12 +12,12 @@ typedef struct rx_blend_link {
 } rx_blend_link;
 
 typedef struct rx_blends {
-    int n, ngroups, largest, ntorn;
-    int *group;  /* [n] number of its group, from 0 by the first member */
-    int *start;  /* [ngroups + 1] into member */
-    int *member; /* [n] by group, ascending */
-    int *cut;    /* [n] 1: a link to another group was cut */
-    int *torn;   /* [ngroups] 1: of a member of the group */
+    int n, ngroups, largest, ndivided;
+    int *group;   /* [n] number of its group, from 0 by the first member */
+    int *start;   /* [ngroups + 1] into member */
+    int *member;  /* [n] by group, ascending */
+    int *cut;     /* [n] 1: a link to another group was cut */
+    int *divided; /* [ngroups] 1: of a member of the group */
 } rx_blends;
 
 /* Groups of the n footprints on an image of width x height pixels over links of more than par->link, strongest

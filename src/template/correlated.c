@@ -17,9 +17,9 @@ RX_SIMD static void add_row(const double *restrict src, int count, double k, dou
 }
 
 /* dst = root(w) times what is given, row y of the image from x on. */
-static void weigh_row(const rx_fit_image *canvas, int y, int x, int count, double *dst)
+static void weigh_row(const rx_fit_image *image, int y, int x, int count, double *dst)
 {
-    const float *weight = canvas->weight + rx_fit_image_row(canvas, y) + (size_t)x;
+    const float *weight = image->weight + rx_fit_image_row(image, y) + (size_t)x;
     for (int i = 0; i < count; i++)
         dst[i] *= sqrt((double)weight[i]);
 }
@@ -43,7 +43,7 @@ static void spread_row(const rx_noise_correlation *noise, const rx_footprint *f,
     }
 }
 
-rx_status rx_correlated_new(const rx_fit_image *canvas, const rx_footprint *f, const rx_window *within,
+rx_status rx_correlated_new(const rx_fit_image *image, const rx_footprint *f, const rx_window *within,
                             rx_correlated *dst, rx_error *err)
 {
     const int reach = RX_NOISE_REACH;
@@ -67,11 +67,11 @@ rx_status rx_correlated_new(const rx_fit_image *canvas, const rx_footprint *f, c
         const float *values = f->values + (size_t)(y - f->y0) * (size_t)f->width;
         for (int i = 0; i < f->width; i++)
             row[i] = values[i];
-        weigh_row(canvas, y, f->x0, f->width, row);
-        spread_row(canvas->correlation, f, y, row, dst);
+        weigh_row(image, y, f->x0, f->width, row);
+        spread_row(image->correlation, f, y, row, dst);
     }
     for (int y = w.y0; y < w.y1; y++)
-        weigh_row(canvas, y, w.x0, (int)width, dst->values + (size_t)(y - w.y0) * width);
+        weigh_row(image, y, w.x0, (int)width, dst->values + (size_t)(y - w.y0) * width);
     free(row);
     return RX_OK;
 }

@@ -16,10 +16,10 @@ typedef struct rx_correlated {
     double *values; /* owned */
 } rx_correlated;
 
-/* Of the pixels of `within`, which are shown. canvas->correlation must be given. Free what it owns with
+/* Of the pixels of `within`, which are shown. image->correlation must be given. Free what it owns with
  * rx_correlated_clear(). Errors: RX_SYSTEM. */
-rx_status rx_correlated_new(const rx_fit_image *canvas, const rx_footprint *footprint,
-                            const rx_window *within, rx_correlated *dst, rx_error *err);
+rx_status rx_correlated_new(const rx_fit_image *image, const rx_footprint *footprint, const rx_window *within,
+                            rx_correlated *dst, rx_error *err);
 void rx_correlated_clear(rx_correlated *grain);
 
 /* The covariance with the sum of another template. */

@@ -66,18 +66,18 @@ static void count_sources(const rx_crowd_source *sources, int n, const rx_crowdi
     }
 }
 
-static rx_status count_pixels(rx_fit_image *canvas, const rx_crowding *crowd, tally *cells, rx_error *err)
+static rx_status count_pixels(rx_fit_image *image, const rx_crowding *crowd, tally *cells, rx_error *err)
 {
     for (int from = 0, to; from < crowd->height; from = to) {
-        to = from + rx_fit_image_rows(canvas) < crowd->height ? from + rx_fit_image_rows(canvas)
-                                                              : crowd->height;
-        RX_TRY(rx_fit_image_load_rows(canvas, from, to, err));
+        to =
+            from + rx_fit_image_rows(image) < crowd->height ? from + rx_fit_image_rows(image) : crowd->height;
+        RX_TRY(rx_fit_image_load_rows(image, from, to, err));
         for (int y = from; y < to; y++)
             for (int x = 0; x < crowd->width; x++) {
-                const size_t k = rx_fit_image_row(canvas, y) + (size_t)x;
+                const size_t k = rx_fit_image_row(image, y) + (size_t)x;
                 tally *cell = &cells[cell_of(crowd, x, y)];
-                cell->seen += canvas->weight[k] > 0;
-                cell->covered += canvas->weight[k] > 0 && canvas->model[k] > canvas->sigma[k];
+                cell->seen += image->weight[k] > 0;
+                cell->covered += image->weight[k] > 0 && image->model[k] > image->sigma[k];
             }
     }
     return RX_OK;
@@ -124,13 +124,13 @@ static double pair_odds(const tally *sum, double fwhm)
     return galaxies > 0 ? fmin(2 * log(chance / galaxies), PAIR_ODDS) : PAIR_ODDS;
 }
 
-rx_status rx_crowding_find(rx_fit_image *canvas, const rx_crowd_source *sources, int n, double fwhm, int mode,
+rx_status rx_crowding_find(rx_fit_image *image, const rx_crowd_source *sources, int n, double fwhm, int mode,
                            rx_crowding *dst, rx_error *err)
 {
-    *dst = (rx_crowding){.width = canvas->width,
-                         .height = canvas->height,
-                         .nx = (canvas->width + CELL - 1) / CELL,
-                         .ny = (canvas->height + CELL - 1) / CELL};
+    *dst = (rx_crowding){.width = image->width,
+                         .height = image->height,
+                         .nx = (image->width + CELL - 1) / CELL,
+                         .ny = (image->height + CELL - 1) / CELL};
     const size_t cells = (size_t)dst->nx * (size_t)dst->ny;
     tally *tallies = RX_NEW(tally, cells);
     dst->cells = RX_NEW(uint8_t, cells);
@@ -140,7 +140,7 @@ rx_status rx_crowding_find(rx_fit_image *canvas, const rx_crowd_source *sources,
                            : RX_OK;
     if (status == RX_OK && mode == RX_CROWDING_AUTO) {
         count_sources(sources, n, dst, tallies);
-        status = count_pixels(canvas, dst, tallies, err);
+        status = count_pixels(image, dst, tallies, err);
     }
     for (int y = 0; y < dst->ny && status == RX_OK; y++)
         for (int x = 0; x < dst->nx; x++) {

@@ -29,7 +29,7 @@ typedef struct rx_crowd_source {
  * galaxies per Mpixel, the crowded tile of the benchmark: 16. With a PSF that is 5 % too narrow stars count as galaxies.) Where more
  * than 1/e sources are seen within 1.5 FWHM of any place all may be stars.
  * mode RX_CROWDING_NO: none is, RX_CROWDING_YES: all are. Free the contents with rx_crowding_clear(). Errors: RX_SYSTEM. */
-rx_status rx_crowding_find(rx_fit_image *canvas, const rx_crowd_source *sources, int n, double fwhm, int mode,
+rx_status rx_crowding_find(rx_fit_image *image, const rx_crowd_source *sources, int n, double fwhm, int mode,
                            rx_crowding *dst, rx_error *err);
 
 /* Cells in and around which more than four fifths of the light is extended, once pairs are no profiles any more, are no crowd: a

@@ -9,14 +9,14 @@ static const double OVERLAP = 0.3, BLEND = 0.2;
 static const double LUMPS = 0.3; /* of a large galaxy's light, on the scale of a source */
 
 /* The brighter member with most light under the template of i; -1: none. *light: in units of i's flux. */
-static int brightest_over(const rx_fit_source *subjects, const int *member, int n, int i, double *light)
+static int brightest_over(const rx_fit_source *sources, const int *member, int n, int i, double *light)
 {
-    const rx_fit_source *one = &subjects[member[i]];
+    const rx_fit_source *one = &sources[member[i]];
     const double power = rx_footprint_product(&one->footprint, &one->footprint, NULL);
     int found = -1;
     *light = 0;
     for (int j = 0; j < n && power > 0; j++) {
-        const rx_fit_source *other = &subjects[member[j]];
+        const rx_fit_source *other = &sources[member[j]];
         if (j == i || !(other->flux > one->flux))
             continue;
         const double under =
@@ -29,15 +29,15 @@ static int brightest_over(const rx_fit_source *subjects, const int *member, int 
     return found;
 }
 
-rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *subjects, const rx_joint_member *members,
+rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *sources, const rx_joint_member *members,
                                        const int *member, int n, int i)
 {
-    const double flux = subjects[member[i]].flux, variance = members[member[i]].variance;
+    const double flux = sources[member[i]].flux, variance = members[member[i]].variance;
     rx_fit_neighbour rival = {.one = member[i], .other = -1};
     rival.alone = flux > 0 && variance > 0 ? flux * flux / variance : 0;
     if (!(rival.alone > 0))
         return rival;
-    const int j = brightest_over(subjects, member, n, i, &rival.light);
+    const int j = brightest_over(sources, member, n, i, &rival.light);
     if (j >= 0 && (rival.light >= OVERLAP || members[member[i]].blend >= BLEND))
         rival.other = member[j];
     return rival;
@@ -67,13 +67,13 @@ double rx_evidence_lumps(const rx_fit_source *source, double fwhm)
 }
 
 /* What the rival leaves of it. */
-static rx_status beside_rival(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
-                              const rx_fit_source *subjects, const rx_fit_neighbour *rival, double *evidence,
-                              rx_error *err)
+static rx_status beside_rival(const rx_refine_params *par, const rx_refine_view *view,
+                              rx_template_otf *renderer, const rx_fit_source *sources,
+                              const rx_fit_neighbour *rival, double *evidence, rx_error *err)
 {
     double rise = 0;
-    const rx_fit_source *other = &subjects[rival->other];
-    RX_TRY(rx_refine_alone(par, view, lens, other, &subjects[rival->one], &rise, err));
+    const rx_fit_source *other = &sources[rival->other];
+    RX_TRY(rx_refine_alone(par, view, renderer, other, &sources[rival->one], &rise, err));
     if (!isfinite(rise))
         return RX_OK;
     const double lumps = (1 - other->point) * rx_evidence_lumps(other, view->fwhm) * rival->light;
@@ -81,16 +81,16 @@ static rx_status beside_rival(const rx_refine_params *par, const rx_refine_view 
     return RX_OK;
 }
 
-rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
-                         const rx_fit_source *subjects, const rx_fit_neighbour *rival, double *evidence,
+rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+                         const rx_fit_source *sources, const rx_fit_neighbour *rival, double *evidence,
                          rx_error *err)
 {
-    const double flux = subjects[rival->one].flux;
-    *evidence = rival->alone * without_own_photons(view->canvas, &subjects[rival->one]);
+    const double flux = sources[rival->one].flux;
+    *evidence = rival->alone * without_own_photons(view->image, &sources[rival->one]);
     if (rival->other >= 0)
-        RX_TRY(beside_rival(par, view, lens, subjects, rival, evidence, err));
+        RX_TRY(beside_rival(par, view, renderer, sources, rival, evidence, err));
     if (!(*evidence > 0))
         return RX_OK;
-    *evidence = 1 / (1 / *evidence + subjects[rival->one].structure / (flux * flux));
+    *evidence = 1 / (1 / *evidence + sources[rival->one].structure / (flux * flux));
     return RX_OK;
 }

@@ -14,8 +14,8 @@ typedef struct rx_fit_neighbour {
     double light; /* of it under the template of the source, in fluxes of the source */
 } rx_fit_neighbour;
 
-/* Of member i of a group of n after its last fit: subjects[member[..]] and members[member[..]]. */
-rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *subjects, const rx_joint_member *members,
+/* Of member i of a group of n after its last fit: sources[member[..]] and members[member[..]]. */
+rx_fit_neighbour rx_evidence_neighbour(const rx_fit_source *sources, const rx_joint_member *members,
                                        const int *member, int n, int i);
 
 /* What arms and knots of its profile amount to, in its fluxes: 0.3 r^2 / (r^2 + FWHM^2), r its half-light radius; 0 of a point. */
@@ -39,8 +39,8 @@ double rx_evidence_lumps(const rx_fit_source *source, double fwhm);
  * Galaxies have arms and knots, which no smooth profile takes up and which the pixels want: 0.3 is the least
  * contrast of arms in simulate/scene.h. Structure of the sky leaves 1 / (1 / *evidence + its variance / flux^2) of it.
  * par: never frozen. Errors: RX_SYSTEM. */
-rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
-                         const rx_fit_source *subjects, const rx_fit_neighbour *rival, double *evidence,
+rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+                         const rx_fit_source *sources, const rx_fit_neighbour *rival, double *evidence,
                          rx_error *err);
 
 #endif

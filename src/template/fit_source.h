@@ -48,9 +48,9 @@ typedef struct rx_fit_source {
     int xmin, xmax, ymin, ymax;
 } rx_fit_source;
 
-/* What every refinement sees; canvas->model holds the footprint of the subject with its flux. */
+/* What every refinement sees; image->model holds the footprint of the source with its flux. */
 typedef struct rx_refine_view {
-    const rx_fit_image *canvas;
+    const rx_fit_image *image;
     const rx_restored *restored;
     const uint8_t *shape_mask; /* as rx_tphot_input has them; NULL: none */
     int shape_bits;

@@ -10,17 +10,17 @@ static const double CUT = 1.3; /* what a segment's threshold cuts off an exponen
 static const double RESOLVED = 0.5; /* pixels: smaller guesses start as points */
 
 /* Second moments of the segment less those of the PSF that it was found behind. */
-static void guess_shape(const rx_source *s, double fwhm, rx_fit_source *subject)
+static void guess_shape(const rx_source *s, double fwhm, rx_fit_source *source)
 {
     const double blur = fwhm / RX_FWHM_SIGMA;
     const double a2 = fmax(s->a * s->a - blur * blur, 0), b2 = fmax(s->b * s->b - blur * blur, 0);
-    subject->guess = CUT * (RX_FWHM_SIGMA / 2) * pow(a2 * b2, 0.25);
-    if (!isfinite(subject->guess) || !(subject->guess > RESOLVED))
+    source->guess = CUT * (RX_FWHM_SIGMA / 2) * pow(a2 * b2, 0.25);
+    if (!isfinite(source->guess) || !(source->guess > RESOLVED))
         return;
     const double q = fmax(sqrt(b2 / a2), 0.3), g = (1 - q) / (1 + q);
-    subject->profile = (rx_spergel){subject->guess, g * cos(2 * s->theta), g * sin(2 * s->theta), 0.5, NULL};
-    subject->kind = RX_TPHOT_PROFILE;
-    subject->point = 0;
+    source->profile = (rx_spergel){source->guess, g * cos(2 * s->theta), g * sin(2 * s->theta), 0.5, NULL};
+    source->kind = RX_TPHOT_PROFILE;
+    source->point = 0;
 }
 
 static double segment_flux(const rx_tphot_input *input, const rx_source *s)
@@ -37,58 +37,58 @@ static double segment_flux(const rx_tphot_input *input, const rx_source *s)
     return isfinite(sum) && sum > 0 ? sum : 0;
 }
 
-static void keep_shape(const rx_tphot_source *from, rx_fit_source *subject)
+static void keep_shape(const rx_tphot_source *from, rx_fit_source *source)
 {
     const double g = (1 - from->ratio) / (1 + from->ratio);
-    subject->x = from->x;
-    subject->y = from->y;
-    subject->kind = from->kind;
-    subject->profile = (rx_spergel){.nu = from->index};
+    source->x = from->x;
+    source->y = from->y;
+    source->kind = from->kind;
+    source->profile = (rx_spergel){.nu = from->index};
     if (from->kind != RX_TPHOT_POINT)
-        subject->profile =
+        source->profile =
             (rx_spergel){from->radius, g * cos(2 * from->angle), g * sin(2 * from->angle), from->index, NULL};
-    subject->star = from->star;
-    subject->two = from->two;
-    subject->point = from->point;
-    subject->shape_error = from->shape_error;
-    subject->lift = from->lift;
-    subject->chi2_gain = from->chi2_gain;
-    subject->movable = from->movable;
+    source->star = from->star;
+    source->two = from->two;
+    source->point = from->point;
+    source->shape_error = from->shape_error;
+    source->lift = from->lift;
+    source->chi2_gain = from->chi2_gain;
+    source->movable = from->movable;
 }
 
-void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_fit_source *subjects)
+void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_fit_source *sources)
 {
     const rx_psf *psf = input->restored->psf != NULL ? input->restored->psf : input->image.psf;
     for (int i = 0; i < input->sources->n; i++) {
         const rx_source *s = &input->sources->list[i];
-        rx_fit_source *subject = &subjects[i];
-        *subject = (rx_fit_source){.kind = RX_TPHOT_POINT,
-                                   .x = s->x,
-                                   .y = s->y,
-                                   .profile = {.nu = 0.5},
-                                   .star = 1,
-                                   .two = NAN,
-                                   .point = 1,
-                                   .shape_error = 1,
-                                   .lift = 1,
-                                   .grain = 1,
-                                   .added = -1,
-                                   .movable = 1,
-                                   .segment = s->segment,
-                                   .untouched = s->untouched,
-                                   .xmin = s->xmin,
-                                   .xmax = s->xmax,
-                                   .ymin = s->ymin,
-                                   .ymax = s->ymax};
+        rx_fit_source *source = &sources[i];
+        *source = (rx_fit_source){.kind = RX_TPHOT_POINT,
+                                  .x = s->x,
+                                  .y = s->y,
+                                  .profile = {.nu = 0.5},
+                                  .star = 1,
+                                  .two = NAN,
+                                  .point = 1,
+                                  .shape_error = 1,
+                                  .lift = 1,
+                                  .grain = 1,
+                                  .added = -1,
+                                  .movable = 1,
+                                  .segment = s->segment,
+                                  .untouched = s->untouched,
+                                  .xmin = s->xmin,
+                                  .xmax = s->xmax,
+                                  .ymin = s->ymin,
+                                  .ymax = s->ymax};
         if (par->extended)
-            guess_shape(s, s->untouched ? input->image.psf->fwhm : psf->fwhm, subject);
+            guess_shape(s, s->untouched ? input->image.psf->fwhm : psf->fwhm, source);
         if (input->shapes != NULL)
-            keep_shape(&input->shapes->list[i], subject);
-        if (!isfinite(subject->guess))
-            subject->guess = 0;
-        subject->x0 = subject->x;
-        subject->y0 = subject->y;
-        subject->flux = segment_flux(input, s);
+            keep_shape(&input->shapes->list[i], source);
+        if (!isfinite(source->guess))
+            source->guess = 0;
+        source->x0 = source->x;
+        source->y0 = source->y;
+        source->flux = segment_flux(input, s);
     }
 }
 
@@ -112,7 +112,7 @@ rx_fit_source rx_fit_source_added(double x, double y, int added)
 
 /* Reduced chi2 of the pixels of the segment and of the free ones where the template is bright; the share of
  * the template under the mask. */
-static void judge_pixels(const rx_fit_image *canvas, const int32_t *segments, const rx_fit_source *s,
+static void judge_pixels(const rx_fit_image *image, const int32_t *segments, const rx_fit_source *s,
                          double background, rx_tphot_source *dst)
 {
     static const double bright = 0.1;
@@ -121,16 +121,16 @@ static void judge_pixels(const rx_fit_image *canvas, const int32_t *segments, co
     double chi2 = 0;
     for (int j = 0; j < f->height; j++)
         for (int i = 0; i < f->width; i++) {
-            const size_t k = rx_fit_image_row(canvas, f->y0 + j) + (size_t)(f->x0 + i);
-            const int32_t owner = segments[(size_t)(f->y0 + j) * (size_t)canvas->width + (size_t)(f->x0 + i)];
-            const double t = f->values[(size_t)j * (size_t)f->width + (size_t)i], w = canvas->weight[k];
+            const size_t k = rx_fit_image_row(image, f->y0 + j) + (size_t)(f->x0 + i);
+            const int32_t owner = segments[(size_t)(f->y0 + j) * (size_t)image->width + (size_t)(f->x0 + i)];
+            const double t = f->values[(size_t)j * (size_t)f->width + (size_t)i], w = image->weight[k];
             if (!(w > 0)) {
                 dst->masked += t;
                 continue;
             }
             if ((owner != 0 || t < bright * peak) && (s->segment == 0 || owner != s->segment))
                 continue;
-            const double r = (double)canvas->data[k] - canvas->model[k] - background;
+            const double r = (double)image->data[k] - image->model[k] - background;
             chi2 += w * r * r;
             dst->npixels++;
         }
@@ -147,7 +147,7 @@ static double climb(double flux, double error, double gain)
     return fmin(0.5 * gain * error * error / flux, 0.5 * error);
 }
 
-void rx_fit_source_result(const rx_fit_image *canvas, const int32_t *segments, const rx_fit_source *s,
+void rx_fit_source_result(const rx_fit_image *image, const int32_t *segments, const rx_fit_source *s,
                           const rx_joint_member *member, double background, rx_tphot_source *dst)
 {
     const double error = sqrt(member->variance), g = hypot(s->profile.g1, s->profile.g2);
@@ -170,7 +170,7 @@ void rx_fit_source_result(const rx_fit_image *canvas, const int32_t *segments, c
     dst->evidence = s->presence;
     dst->inside = s->footprint.inside;
     dst->background = background;
-    judge_pixels(canvas, segments, s, background, dst);
+    judge_pixels(image, segments, s, background, dst);
     dst->flags |= s->flags;
     if (dst->inside < 0.99)
         dst->flags |= RX_TPHOT_BORDER;

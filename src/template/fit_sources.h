@@ -8,14 +8,14 @@
 #include "template/refine.h"
 
 /* First guesses of position, shape and flux from the list and the restored pixels (or the earlier run in
- * input->shapes); subjects [sources->n]. */
-void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_fit_source *subjects);
+ * input->shapes); sources: one for each of input->sources. */
+void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *input, rx_fit_source *sources);
 
 /* A point at (x, y) that is in no list. */
 rx_fit_source rx_fit_source_added(double x, double y, int added);
 
-/* What the pixels say of a subject after the last fit of its group. */
-void rx_fit_source_result(const rx_fit_image *canvas, const int32_t *segments, const rx_fit_source *subject,
+/* What the pixels say of a source after the last fit of its group. */
+void rx_fit_source_result(const rx_fit_image *image, const int32_t *segments, const rx_fit_source *source,
                           const rx_joint_member *member, double background, rx_tphot_source *dst);
 
 #endif

@@ -96,13 +96,13 @@ static rx_status slope_of(const rx_footprint *f, int along_y, rx_footprint *dst,
 }
 
 /* sum w T and sum w T (data - model) over a footprint: products in float, sums in double. */
-RX_SIMD static void project(const rx_footprint *f, const rx_fit_image *canvas, double *weight, double *value)
+RX_SIMD static void project(const rx_footprint *f, const rx_fit_image *image, double *weight, double *value)
 {
     double sum_w = 0, sum_v = 0;
     for (int j = 0; j < f->height; j++) {
-        const size_t row = rx_fit_image_row(canvas, f->y0 + j) + (size_t)f->x0;
+        const size_t row = rx_fit_image_row(image, f->y0 + j) + (size_t)f->x0;
         const float *t = f->values + (size_t)j * (size_t)f->width;
-        const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
+        const float *w = image->weight + row, *data = image->data + row, *model = image->model + row;
 #pragma omp simd reduction(+ : sum_w, sum_v)
         for (int i = 0; i < f->width; i++) {
             const float wt = w[i] * t[i];
@@ -114,12 +114,12 @@ RX_SIMD static void project(const rx_footprint *f, const rx_fit_image *canvas, d
     *value = sum_v;
 }
 
-RX_SIMD static void sum_box(const rx_footprint *f, const rx_fit_image *canvas, double sums[3])
+RX_SIMD static void sum_box(const rx_footprint *f, const rx_fit_image *image, double sums[3])
 {
     double sum = 0, value = 0, count = 0;
     for (int y = f->y0; y < f->y0 + f->height; y++) {
-        const size_t row = rx_fit_image_row(canvas, y) + (size_t)f->x0;
-        const float *w = canvas->weight + row, *data = canvas->data + row, *model = canvas->model + row;
+        const size_t row = rx_fit_image_row(image, y) + (size_t)f->x0;
+        const float *w = image->weight + row, *data = image->data + row, *model = image->model + row;
 #pragma omp simd reduction(+ : sum, value, count)
         for (int i = 0; i < f->width; i++) {
             sum += w[i];
@@ -133,9 +133,9 @@ RX_SIMD static void sum_box(const rx_footprint *f, const rx_fit_image *canvas, d
 }
 
 /* What holds the footprints. */
-static rx_window window_of(const rx_fit_image *canvas, int n, const rx_joint_member *m)
+static rx_window window_of(const rx_fit_image *image, int n, const rx_joint_member *m)
 {
-    rx_window w = {canvas->width, canvas->height, 0, 0};
+    rx_window w = {image->width, image->height, 0, 0};
     for (int i = 0; i < n; i++) {
         const rx_footprint *f = m[i].footprint;
         if (f->width == 0)
@@ -149,13 +149,13 @@ static rx_window window_of(const rx_fit_image *canvas, int n, const rx_joint_mem
 }
 
 /* Over the union of the footprints: sum w, sum w (data - model), pixels with weight. */
-static rx_status sum_union(int n, const rx_joint_member *m, const rx_fit_image *canvas, double sums[3],
+static rx_status sum_union(int n, const rx_joint_member *m, const rx_fit_image *image, double sums[3],
                            rx_error *err)
 {
-    const rx_window w = window_of(canvas, n, m);
+    const rx_window w = window_of(image, n, m);
     sums[0] = sums[1] = sums[2] = 0;
     if (n == 1)
-        sum_box(m[0].footprint, canvas, sums);
+        sum_box(m[0].footprint, image, sums);
     if (n == 1 || w.x1 <= w.x0 || w.y1 <= w.y0)
         return RX_OK;
     const size_t side = (size_t)(w.x1 - w.x0), area = side * (size_t)(w.y1 - w.y0);
@@ -167,13 +167,13 @@ static rx_status sum_union(int n, const rx_joint_member *m, const rx_fit_image *
         for (int y = f->y0; y < f->y0 + f->height; y++)
             for (int x = f->x0; x < f->x0 + f->width; x++) {
                 uint8_t *s = &seen[(size_t)(y - w.y0) * side + (size_t)(x - w.x0)];
-                const size_t k = rx_fit_image_row(canvas, y) + (size_t)x;
-                const double weight = *s ? 0 : canvas->weight[k];
+                const size_t k = rx_fit_image_row(image, y) + (size_t)x;
+                const double weight = *s ? 0 : image->weight[k];
                 *s = 1;
                 if (!(weight > 0))
                     continue;
                 sums[0] += weight;
-                sums[1] += weight * ((double)canvas->data[k] - canvas->model[k]);
+                sums[1] += weight * ((double)image->data[k] - image->model[k]);
                 sums[2] += 1;
             }
     }
@@ -182,7 +182,7 @@ static rx_status sum_union(int n, const rx_joint_member *m, const rx_fit_image *
 }
 
 /* Columns of the fluxes of members with data, then of the shifts of those that may move. */
-static rx_status list_columns(const rx_fit_image *canvas, int n, rx_joint_member *m, equations *e,
+static rx_status list_columns(const rx_fit_image *image, int n, rx_joint_member *m, equations *e,
                               rx_error *err)
 {
     e->columns = RX_NEW(column, 3 * (size_t)n);
@@ -190,7 +190,7 @@ static rx_status list_columns(const rx_fit_image *canvas, int n, rx_joint_member
     if (e->columns == NULL || e->slopes == NULL)
         return rx_error_memory(err, 3 * (size_t)n * sizeof *e->columns);
     for (int i = 0; i < n; i++) {
-        const double power = rx_footprint_product(m[i].footprint, m[i].footprint, canvas);
+        const double power = rx_footprint_product(m[i].footprint, m[i].footprint, image);
         m[i].flags = power > 0 && isfinite(power) ? 0 : RX_TPHOT_NO_DATA;
         if (m[i].flags == 0)
             e->columns[e->nflux++] =
@@ -218,23 +218,23 @@ static rx_status list_columns(const rx_fit_image *canvas, int n, rx_joint_member
 }
 
 /* Of the unknown i: sum w T (d - M), and the matrix up to its diagonal and for the background. */
-static void fill_column(const rx_joint_params *par, const rx_fit_image *canvas, size_t i, equations *e)
+static void fill_column(const rx_joint_params *par, const rx_fit_image *image, size_t i, equations *e)
 {
     const size_t last = e->ncolumns, size = e->n;
     const column *c = &e->columns[i];
     double weight;
-    project(c->footprint, canvas, &weight, &e->b[i]);
+    project(c->footprint, image, &weight, &e->b[i]);
     e->bounded[i] = par->non_negative && c->what == 0;
     for (size_t j = 0; j <= i; j++)
         e->a[i * size + j] = e->a[j * size + i] =
             c->what == 0 && j == i ? c->power
-                                   : rx_footprint_product(c->footprint, e->columns[j].footprint, canvas);
+                                   : rx_footprint_product(c->footprint, e->columns[j].footprint, image);
     if (size > last)
         e->a[i * size + last] = e->a[last * size + i] = weight;
 }
 
 /* What the model holds of the members goes back into the data: b = sum w T (d - M) + A F_before. */
-static rx_status fill(const rx_joint_params *par, const rx_fit_image *canvas, int n, const rx_joint_member *m,
+static rx_status fill(const rx_joint_params *par, const rx_fit_image *image, int n, const rx_joint_member *m,
                       equations *e, rx_error *err)
 {
     const size_t last = e->ncolumns, size = e->n;
@@ -242,10 +242,10 @@ static rx_status fill(const rx_joint_params *par, const rx_fit_image *canvas, in
     if (par->nthreads > 1 && last >= MANY) {
 #pragma omp parallel for schedule(dynamic) num_threads(par->nthreads)
         for (size_t i = 0; i < last; i++)
-            fill_column(par, canvas, last - 1 - i, e); /* long ones first */
+            fill_column(par, image, last - 1 - i, e); /* long ones first */
     } else {
         for (size_t i = 0; i < last; i++)
-            fill_column(par, canvas, i, e);
+            fill_column(par, image, i, e);
     }
     for (size_t i = 0; i < size; i++)
         for (size_t j = 0; j < e->nflux; j++)
@@ -256,12 +256,12 @@ static rx_status fill(const rx_joint_params *par, const rx_fit_image *canvas, in
     }
     if (size == last)
         return RX_OK;
-    rx_status status = sum_union(n, m, canvas, sums, err);
+    rx_status status = sum_union(n, m, image, sums, err);
     if (status != RX_OK)
         return status;
     /* members with data have pixels with weight: sums[0] > 0 */
     const double prior = sums[0] / (sums[2] * par->background_sigma * par->background_sigma);
-    const double wide = rx_noise_factor_wide(canvas->correlation);
+    const double wide = rx_noise_factor_wide(image->correlation);
     e->open = sums[0];
     e->prior = prior;
     e->a[last * size + last] = sums[0] + wide * wide * prior;
@@ -270,13 +270,13 @@ static rx_status fill(const rx_joint_params *par, const rx_fit_image *canvas, in
 }
 
 /* Column i of B. */
-static rx_status fill_noise(const rx_fit_image *canvas, const rx_window *all, size_t i, equations *e,
+static rx_status fill_noise(const rx_fit_image *image, const rx_window *all, size_t i, equations *e,
                             rx_error *err)
 {
     const size_t last = e->ncolumns, size = e->n;
-    const double wide = rx_noise_factor_wide(canvas->correlation);
+    const double wide = rx_noise_factor_wide(image->correlation);
     rx_correlated grain;
-    RX_TRY(rx_correlated_new(canvas, e->columns[i].footprint, all, &grain, err));
+    RX_TRY(rx_correlated_new(image, e->columns[i].footprint, all, &grain, err));
     for (size_t j = 0; j <= i; j++)
         e->noise[i * size + j] = e->noise[j * size + i] =
             rx_correlated_covariance(&grain, e->columns[j].footprint);
@@ -303,13 +303,13 @@ RX_SIMD static void multiply(const double *a, const double *b, size_t n, double 
 
 /* covariance = A^-1, zero in rows and columns of what is held, becomes A^-1 B A^-1: B the covariance of b, to
  * which priors contribute by as much as they count. */
-static rx_status correlate(const rx_joint_params *par, const rx_fit_image *canvas, int n,
+static rx_status correlate(const rx_joint_params *par, const rx_fit_image *image, int n,
                            const rx_joint_member *m, equations *e, rx_error *err)
 {
     const size_t last = e->ncolumns, size = e->n;
     const int threads = par->nthreads > 1 && last >= MANY ? par->nthreads : 1;
-    const double wide = rx_noise_factor_wide(canvas->correlation);
-    const rx_window all = window_of(canvas, n, m);
+    const double wide = rx_noise_factor_wide(image->correlation);
+    const rx_window all = window_of(image, n, m);
     rx_status failed = RX_OK;
     double *half = RX_NEW(double, size *size);
     e->noise = RX_NEW(double, size *(size + 1));
@@ -320,7 +320,7 @@ static rx_status correlate(const rx_joint_params *par, const rx_fit_image *canva
 #pragma omp parallel for schedule(dynamic) num_threads(threads)
     for (size_t i = 0; i < last; i++) {
         rx_error own = {0};
-        const rx_status status = fill_noise(canvas, &all, last - 1 - i, e, &own);
+        const rx_status status = fill_noise(image, &all, last - 1 - i, e, &own);
         if (status != RX_OK) {
 #pragma omp critical(rx_joint_failure)
             {
@@ -387,8 +387,8 @@ static void store(const equations *e, int singular, int errors, rx_joint_member 
     }
 }
 
-rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *canvas, int n,
-                       rx_joint_member *members, double *background, double *covariance, rx_error *err)
+rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *image, int n, rx_joint_member *members,
+                       double *background, double *covariance, rx_error *err)
 {
     equations e = {0};
     int singular = 0;
@@ -397,18 +397,18 @@ rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *canvas, i
         members[i].blend = members[i].shift[0] = members[i].shift[1] = 0;
     }
     *background = 0;
-    rx_status status = list_columns(canvas, n, members, &e, err);
+    rx_status status = list_columns(image, n, members, &e, err);
     if (status == RX_OK)
         status = open_equations(e.ncolumns + (par->background_sigma > 0 && e.nflux > 0), &e, err);
     if (status == RX_OK && e.n > 0)
-        status = fill(par, canvas, n, members, &e, err);
+        status = fill(par, image, n, members, &e, err);
     if (status == RX_OK && e.n > 0)
         status = par->non_negative
                      ? rx_normal_nonnegative(&(rx_normal_bounded){e.n, e.a, e.b, e.bounded}, e.x,
                                              e.covariance, e.held, &singular, err)
                      : rx_normal_solve(e.a, e.b, e.n, e.x, par->errors ? e.covariance : NULL, &singular, err);
-    if (status == RX_OK && e.n > 0 && par->errors && canvas->correlation != NULL)
-        status = correlate(par, canvas, n, members, &e, err);
+    if (status == RX_OK && e.n > 0 && par->errors && image->correlation != NULL)
+        status = correlate(par, image, n, members, &e, err);
     if (status == RX_OK)
         store(&e, singular, par->errors, members, n, background, covariance);
     clear(&e);

@@ -15,7 +15,7 @@ typedef struct rx_joint_params {
 /* One member, given and found. */
 typedef struct rx_joint_member {
     const rx_footprint *footprint;
-    double before; /* flux that canvas->model holds of it */
+    double before; /* flux that image->model holds of it */
     double grain;  /* noise of its flux over that of independent pixels; 1 for those */
     /* Its position may move, linearly: T(p - shift) = T - shift dT/dp. Prior: shift = centre +- width pixels;
      * width 0: it stays. Asked for where neighbours overlap: what a wrong position of one leaves is light
@@ -31,9 +31,9 @@ typedef struct rx_joint_member {
 } rx_joint_member;
 
 /* n members; data are what the model of all others leaves. Weights are those of independent pixels, variances
- * those of the noise as canvas->correlation has it (correlated.h); priors count as much as without it. covariance [n][n] of the fluxes, NULL: not
+ * those of the noise as image->correlation has it (correlated.h); priors count as much as without it. covariance [n][n] of the fluxes, NULL: not
  * wanted. Errors: RX_SYSTEM. */
-rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *canvas, int n,
-                       rx_joint_member *members, double *background, double *covariance, rx_error *err);
+rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *image, int n, rx_joint_member *members,
+                       double *background, double *covariance, rx_error *err);
 
 #endif

@@ -8,10 +8,10 @@
 #include "base/simd.h"
 
 /* count pixels from k on. */
-RX_SIMD static void cut_row(const rx_fit_image *canvas, ptrdiff_t k, int count, double *restrict data,
+RX_SIMD static void cut_row(const rx_fit_image *image, ptrdiff_t k, int count, double *restrict data,
                             double *restrict weight)
 {
-    const float *w = canvas->weight + k, *d = canvas->data + k, *m = canvas->model + k;
+    const float *w = image->weight + k, *d = image->data + k, *m = image->model + k;
 #pragma omp simd
     for (int i = 0; i < count; i++) {
         weight[i] = w[i];
@@ -19,7 +19,7 @@ RX_SIMD static void cut_row(const rx_fit_image *canvas, ptrdiff_t k, int count, 
     }
 }
 
-rx_status rx_patch_cut(const rx_fit_image *canvas, int cx, int cy, int half, int domain, rx_patch *patch,
+rx_status rx_patch_cut(const rx_fit_image *image, int cx, int cy, int half, int domain, rx_patch *patch,
                        rx_error *err)
 {
     if (half > domain / 2 - 2) /* neighbours are asked for derivatives */
@@ -31,13 +31,13 @@ rx_status rx_patch_cut(const rx_fit_image *canvas, int cx, int cy, int half, int
         return rx_error_memory(err, 2 * side * side * sizeof(double));
     patch->weight = patch->data + side * side;
     const int first = patch->x0 > 0 ? 0 : -patch->x0;
-    const int last = canvas->width - patch->x0 < patch->side ? canvas->width - patch->x0 : patch->side;
+    const int last = image->width - patch->x0 < patch->side ? image->width - patch->x0 : patch->side;
     for (int j = 0; j < patch->side; j++) {
         const int y = patch->y0 + j;
-        if (y < 0 || y >= canvas->height)
+        if (y < 0 || y >= image->height)
             continue;
-        const ptrdiff_t k = (ptrdiff_t)rx_fit_image_row(canvas, y) + patch->x0;
-        cut_row(canvas, k + first, last - first, patch->data + (size_t)j * side + (size_t)first,
+        const ptrdiff_t k = (ptrdiff_t)rx_fit_image_row(image, y) + patch->x0;
+        cut_row(image, k + first, last - first, patch->data + (size_t)j * side + (size_t)first,
                 patch->weight + (size_t)j * side + (size_t)first);
     }
     return RX_OK;
@@ -134,7 +134,7 @@ double rx_footprint_peak(const rx_footprint *f)
     return (double)peak;
 }
 
-RX_SIMD double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_fit_image *canvas)
+RX_SIMD double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_fit_image *image)
 {
     const int x0 = a->x0 > b->x0 ? a->x0 : b->x0, y0 = a->y0 > b->y0 ? a->y0 : b->y0;
     const int x1 = a->x0 + a->width < b->x0 + b->width ? a->x0 + a->width : b->x0 + b->width;
@@ -143,12 +143,12 @@ RX_SIMD double rx_footprint_product(const rx_footprint *a, const rx_footprint *b
     for (int y = y0; y < y1; y++) {
         const float *u = a->values + (size_t)(y - a->y0) * (size_t)a->width - a->x0;
         const float *v = b->values + (size_t)(y - b->y0) * (size_t)b->width - b->x0;
-        if (canvas == NULL) {
+        if (image == NULL) {
 #pragma omp simd reduction(+ : sum)
             for (int x = x0; x < x1; x++)
                 sum += (double)u[x] * v[x];
         } else {
-            const float *w = canvas->weight + rx_fit_image_row(canvas, y);
+            const float *w = image->weight + rx_fit_image_row(image, y);
 #pragma omp simd reduction(+ : sum)
             for (int x = x0; x < x1; x++)
                 sum += (double)u[x] * v[x] * w[x];

@@ -1,4 +1,4 @@
-/* The pixels around one source on the domain of its lens: what others leave of the data, and the weights. */
+/* The pixels around one source on the domain of its renderer: what others leave of the data, and the weights. */
 #ifndef RX_TEMPLATE_PATCH_H
 #define RX_TEMPLATE_PATCH_H
 
@@ -15,7 +15,7 @@ typedef struct rx_patch {
 
 /* data - model of the pixels within `half` of the whole pixel (cx, cy). Free with rx_patch_clear(). Errors:
  * RX_SYSTEM. */
-rx_status rx_patch_cut(const rx_fit_image *canvas, int cx, int cy, int half, int domain, rx_patch *patch,
+rx_status rx_patch_cut(const rx_fit_image *image, int cx, int cy, int half, int domain, rx_patch *patch,
                        rx_error *err);
 /* Footprint times flux onto the data where there is weight. */
 void rx_patch_add(rx_patch *patch, const rx_footprint *footprint, double flux);
@@ -38,7 +38,7 @@ rx_status rx_footprint_crop(const rx_template_plane *plane, double level, int wi
 /* Its largest value, at least 0. */
 double rx_footprint_peak(const rx_footprint *footprint);
 
-/* sum over common pixels of a b; with `canvas` weighted. */
-double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_fit_image *canvas);
+/* sum over common pixels of a b; with `image` weighted. */
+double rx_footprint_product(const rx_footprint *a, const rx_footprint *b, const rx_fit_image *image);
 
 #endif

@@ -177,7 +177,7 @@ static double misfit(double nu)
 
 double rx_refine_amid_structure(const rx_refine_view *view, int cx, int cy, double gain, double radius)
 {
-    const rx_fit_image *c = view->canvas;
+    const rx_fit_image *c = view->image;
     const double wider = 1 + 4 * radius * radius / (view->fwhm * view->fwhm);
     if (view->structure == NULL)
         return gain;
@@ -412,21 +412,21 @@ static void choose(const job *j, rx_fit_source *after)
 
 /* Side of the domain of a source, of which half pixels to all sides are looked at, all for 0. Light below a tenth of what its footprint will be cropped at needs no part of the PSF; where restored
  * pixels are blurred to the tile's PSF, all of that is needed. */
-static int side_of(const rx_refine_params *par, const rx_refine_view *view, const rx_template_otf *lens,
+static int side_of(const rx_refine_params *par, const rx_refine_view *view, const rx_template_otf *renderer,
                    const rx_fit_source *s, double reach, int half)
 {
-    const rx_fit_image *canvas = view->canvas;
-    const int x = s->x < 0 ? 0 : s->x > canvas->width - 1 ? canvas->width - 1 : (int)s->x;
-    const int y = s->y < 0 ? 0 : s->y > canvas->height - 1 ? canvas->height - 1 : (int)s->y;
-    const double noise = RX_REFINE_FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
-    return rx_template_otf_side(lens, reach, par->substructure || !(s->flux > 0) ? 0 : 0.1 * noise / s->flux,
-                                half);
+    const rx_fit_image *image = view->image;
+    const int x = s->x < 0 ? 0 : s->x > image->width - 1 ? image->width - 1 : (int)s->x;
+    const int y = s->y < 0 ? 0 : s->y > image->height - 1 ? image->height - 1 : (int)s->y;
+    const double noise = RX_REFINE_FAINT * sqrt(rx_fit_image_variance(image, x, y));
+    return rx_template_otf_side(renderer, reach,
+                                par->substructure || !(s->flux > 0) ? 0 : 0.1 * noise / s->flux, half);
 }
 
 /* Light below that is not worth a pixel. */
 static double crop_level(const job *j, const rx_fit_source *after, const rx_template_plane *plane)
 {
-    const rx_fit_image *canvas = j->view->canvas;
+    const rx_fit_image *image = j->view->image;
     float highest = 0;
     for (size_t v = 0; v < (size_t)plane->n; v++) {
         const float *row = plane->values + v * plane->stride;
@@ -435,9 +435,9 @@ static double crop_level(const job *j, const rx_fit_source *after, const rx_temp
             highest = row[u] > highest ? row[u] : highest;
     }
     const double peak = highest;
-    const int x = after->x < 0 ? 0 : after->x > canvas->width - 1 ? canvas->width - 1 : (int)after->x;
-    const int y = after->y < 0 ? 0 : after->y > canvas->height - 1 ? canvas->height - 1 : (int)after->y;
-    const double noise = RX_REFINE_FAINT * sqrt(rx_fit_image_variance(canvas, x, y));
+    const int x = after->x < 0 ? 0 : after->x > image->width - 1 ? image->width - 1 : (int)after->x;
+    const int y = after->y < 0 ? 0 : after->y > image->height - 1 ? image->height - 1 : (int)after->y;
+    const double noise = RX_REFINE_FAINT * sqrt(rx_fit_image_variance(image, x, y));
     const double level = after->flux > 0 && noise > 0 ? noise / after->flux : 0.01 * peak;
     return fmin(fmax(level, 1e-5 * peak), 0.01 * peak);
 }
@@ -509,10 +509,10 @@ static rx_status finish(job *j, rx_fit_source *after, rx_error *err)
                                      .stride = (size_t)rx_fft_stride_real(j->size->fft),
                                      .cx = j->cx,
                                      .cy = j->cy};
-    RX_TRY(rx_footprint_crop(&plane, crop_level(j, after, &plane), j->view->canvas->width,
-                             j->view->canvas->height, &after->footprint, err));
+    RX_TRY(rx_footprint_crop(&plane, crop_level(j, after, &plane), j->view->image->width,
+                             j->view->image->height, &after->footprint, err));
     const rx_footprint *f = &after->footprint;
-    after->grain = rx_noise_factor(j->view->canvas->correlation, f->values, f->width, f->height);
+    after->grain = rx_noise_factor(j->view->image->correlation, f->values, f->width, f->height);
     return RX_OK;
 }
 
@@ -523,9 +523,9 @@ static int looks(const rx_refine_params *par)
 }
 
 /* Half-light radius that room is made for. */
-static double radius_of(const rx_refine_params *par, const rx_fit_source *subject)
+static double radius_of(const rx_refine_params *par, const rx_fit_source *source)
 {
-    return !par->extended && subject->profile.radius <= 0 ? 0 : fmax(subject->guess, subject->profile.radius);
+    return !par->extended && source->profile.radius <= 0 ? 0 : fmax(source->guess, source->profile.radius);
 }
 
 /* Half the side of the patch around a source of that radius. */
@@ -534,69 +534,70 @@ static int half_of(const rx_refine_view *view, double radius)
     return (int)ceil(2.0 * view->fwhm + 3.0 * radius) + 2;
 }
 
-static int half_alone(const rx_refine_view *view, const rx_fit_source *subject, const rx_fit_source *other)
+static int half_alone(const rx_refine_view *view, const rx_fit_source *source, const rx_fit_source *other)
 {
-    const double radius = fmax(subject->guess, subject->profile.radius);
-    const double away = hypot(other->x - subject->x, other->y - subject->y);
+    const double radius = fmax(source->guess, source->profile.radius);
+    const double away = hypot(other->x - source->x, other->y - source->y);
     return (int)ceil(fmax(2.0 * view->fwhm + 3.0 * radius, away + 1.5 * view->fwhm)) + 2;
 }
 
 /* So many pixels to all sides of the one that the source is on, where there are any. */
-static rx_window window_around(const rx_fit_image *canvas, const rx_fit_source *subject, int half)
+static rx_window window_around(const rx_fit_image *image, const rx_fit_source *source, int half)
 {
-    const int x = (int)lround(subject->x), y = (int)lround(subject->y);
+    const int x = (int)lround(source->x), y = (int)lround(source->y);
     return (rx_window){x > half ? x - half : 0, y > half ? y - half : 0,
-                       x + half < canvas->width ? x + half + 1 : canvas->width,
-                       y + half < canvas->height ? y + half + 1 : canvas->height};
+                       x + half < image->width ? x + half + 1 : image->width,
+                       y + half < image->height ? y + half + 1 : image->height};
 }
 
 rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view,
-                           const rx_template_otf *lens, const rx_fit_source *subject)
+                           const rx_template_otf *renderer, const rx_fit_source *source)
 {
-    const double radius = radius_of(par, subject);
-    const int half = half_of(view, radius), domain = side_of(par, view, lens, subject, FAR * radius, 0) / 2;
+    const double radius = radius_of(par, source);
+    const int half = half_of(view, radius),
+              domain = side_of(par, view, renderer, source, FAR * radius, 0) / 2;
     if (!looks(par))
         return (rx_window){0, 0, 0, 0};
-    return window_around(view->canvas, subject, par->substructure && domain > half ? domain : half);
+    return window_around(view->image, source, par->substructure && domain > half ? domain : half);
 }
 
-rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_fit_source *subject,
+rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_fit_source *source,
                                  const rx_fit_source *other)
 {
-    return window_around(view->canvas, subject, half_alone(view, subject, other));
+    return window_around(view->image, source, half_alone(view, source, other));
 }
 
 /* What all others leave of the pixels around the source. Priors, evidence and errors all take chi2 for that of
  * independent pixels: it is made one in the noise of what is asked about, the flux of a source with that grain. */
 static rx_status cut_patch(job *j, int half, double grain, rx_error *err)
 {
-    RX_TRY(rx_patch_cut(j->view->canvas, j->cx, j->cy, half, j->size->n, &j->patch, err));
+    RX_TRY(rx_patch_cut(j->view->image, j->cx, j->cy, half, j->size->n, &j->patch, err));
     rx_patch_add(&j->patch, &j->before->footprint, j->before->flux);
     if (grain != 1.0)
         rx_patch_dim(&j->patch, grain);
     return RX_OK;
 }
 
-rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
-                    const rx_fit_source *subject, rx_fit_source *after, rx_error *err)
+rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+                    const rx_fit_source *source, rx_fit_source *after, rx_error *err)
 {
-    job j = {.par = par, .view = view, .before = subject};
-    j.cx = (int)lround(subject->x);
-    j.cy = (int)lround(subject->y);
-    *after = *subject;
+    job j = {.par = par, .view = view, .before = source};
+    j.cx = (int)lround(source->x);
+    j.cy = (int)lround(source->y);
+    *after = *source;
     after->footprint = (rx_footprint){0};
     after->flags &= ~(RX_TPHOT_POSITION | RX_TPHOT_BOUND);
-    const double radius = radius_of(par, subject);
-    const int half = half_of(view, radius), all = side_of(par, view, lens, subject, FAR * radius, 0),
-              part = side_of(par, view, lens, subject, FAR * radius, half);
+    const double radius = radius_of(par, source);
+    const int half = half_of(view, radius), all = side_of(par, view, renderer, source, FAR * radius, 0),
+              part = side_of(par, view, renderer, source, FAR * radius, half);
     rx_status status =
-        rx_template_otf_at(lens, par->frozen ? all : part, subject->x, subject->y, &j.size, err);
+        rx_template_otf_at(renderer, par->frozen ? all : part, source->x, source->y, &j.size, err);
     if (status == RX_OK && looks(par))
-        status = cut_patch(&j, half, subject->grain, err);
+        status = cut_patch(&j, half, source->grain, err);
     if (status == RX_OK && !par->frozen) {
         choose(&j, after);
         j.patch.corner += all / 2 - part / 2;
-        status = rx_template_otf_at(lens, all, subject->x, subject->y, &j.size, err);
+        status = rx_template_otf_at(renderer, all, source->x, source->y, &j.size, err);
     }
     if (status == RX_OK)
         status = finish(&j, after, err);
@@ -618,19 +619,20 @@ static double best_chi2(const job *j)
     return usable(&profile, &point) ? fmin(point.chi2, profile.chi2) : point.chi2;
 }
 
-rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
-                          const rx_fit_source *subject, const rx_fit_source *other, double *rise,
+rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+                          const rx_fit_source *source, const rx_fit_source *other, double *rise,
                           rx_error *err)
 {
-    job j = {.par = par, .view = view, .before = subject};
-    j.cx = (int)lround(subject->x);
-    j.cy = (int)lround(subject->y);
-    const double radius = fmax(subject->guess, subject->profile.radius);
-    const int half = half_alone(view, subject, other);
+    job j = {.par = par, .view = view, .before = source};
+    j.cx = (int)lround(source->x);
+    j.cy = (int)lround(source->y);
+    const double radius = fmax(source->guess, source->profile.radius);
+    const int half = half_alone(view, source, other);
     *rise = 0;
     rx_status status = rx_template_otf_at(
-        lens, side_of(par, view, lens, subject->flux > other->flux ? subject : other, FAR * radius, half),
-        subject->x, subject->y, &j.size, err);
+        renderer,
+        side_of(par, view, renderer, source->flux > other->flux ? source : other, FAR * radius, half),
+        source->x, source->y, &j.size, err);
     if (status == RX_OK)
         status = cut_patch(&j, half, other->grain, err);
     if (status != RX_OK)

@@ -31,21 +31,21 @@ typedef struct rx_refine_params {
 /* Width of the prior of a position, pixels. */
 double rx_refine_reach(double fwhm);
 
-/* What of the canvas rx_refine() reads. */
+/* What of the image rx_refine() reads. */
 rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view,
-                           const rx_template_otf *lens, const rx_fit_source *subject);
+                           const rx_template_otf *renderer, const rx_fit_source *source);
 
-/* *after = subject, refined, with a footprint of its own; subject stays as it is. Errors: RX_SYSTEM. */
-rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
-                    const rx_fit_source *subject, rx_fit_source *after, rx_error *err);
+/* *after = source, refined, with a footprint of its own; source stays as it is. Errors: RX_SYSTEM. */
+rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+                    const rx_fit_source *source, rx_fit_source *after, rx_error *err);
 
-/* How much better the pixels are described with `other` than by `subject` alone: chi2 (priors included) of
- * the subject's best point or profile with the other's light put back into the data, less that with it taken
+/* How much better the pixels are described with `other` than by `source` alone: chi2 (priors included) of
+ * the source's best point or profile with the other's light put back into the data, less that with it taken
  * out. Errors: RX_SYSTEM. */
-rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_fit_source *subject,
-                                 const rx_fit_source *other); /* what of the canvas it reads */
-rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *lens,
-                          const rx_fit_source *subject, const rx_fit_source *other, double *rise,
+rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_fit_source *source,
+                                 const rx_fit_source *other); /* what of the image it reads */
+rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+                          const rx_fit_source *source, const rx_fit_source *other, double *rise,
                           rx_error *err);
 
 /* What structure of the sky leaves of a gain in chi2 by such a profile: it adds to the variance of a flux by as much as the

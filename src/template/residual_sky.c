@@ -17,15 +17,15 @@ enum { CLIPPINGS = 10 };
 /* What one cell is measured on. */
 typedef struct cells {
     const rx_residual_sky *where;
-    const rx_fit_image *canvas;
+    const rx_fit_image *image;
     int noise; /* not the sky */
-    rx_sky_mesh *sheet;
+    rx_sky_mesh *mesh;
 } cells;
 
 /* data - model of the free pixels of [x0, x1) x [y0, y1), or that over its error where models are faint; returns how many. */
 static long gather(const cells *of, int x0, int x1, int y0, int y1, double *dst)
 {
-    const rx_fit_image *c = of->canvas;
+    const rx_fit_image *c = of->image;
     long n = 0;
     for (int y = y0; y < y1; y++) {
         const int32_t *segment =
@@ -80,8 +80,8 @@ static int edge(int i, int n, int size)
 /* The cells of lines first .. end - 1, whose pixels are shown. */
 static rx_status measure_cells(const cells *of, int first, int end, rx_error *err)
 {
-    const rx_fit_image *c = of->canvas;
-    rx_sky_mesh *m = of->sheet;
+    const rx_fit_image *c = of->image;
+    rx_sky_mesh *m = of->mesh;
     /* the widest cell has one pixel more than the narrowest; one more is written to before it is known not to
      * count */
     const size_t room = ((size_t)(c->width / m->nx) + 1) * ((size_t)(c->height / m->ny) + 1) + 1;
@@ -115,7 +115,7 @@ static rx_status measure_cells(const cells *of, int first, int end, rx_error *er
 /* As many lines of cells at a time as fit in memory. */
 static rx_status measure_all(const cells *of, rx_fit_image *c, rx_error *err)
 {
-    const rx_sky_mesh *m = of->sheet;
+    const rx_sky_mesh *m = of->mesh;
     const int rows = rx_fit_image_rows(c);
     rx_status status = RX_OK;
     for (int first = 0, end; first < m->ny && status == RX_OK; first = end) {
@@ -161,42 +161,42 @@ static void fill_holes(rx_sky_mesh *m, double lacking, double *next)
         m->value[k] = isfinite(m->value[k]) ? m->value[k] : lacking;
 }
 
-/* *sheet is cleared after an error. */
-static rx_status measure(rx_fit_image *canvas, const rx_residual_sky *where, int noise, rx_sky_mesh *sheet,
+/* *mesh is cleared after an error. */
+static rx_status measure(rx_fit_image *image, const rx_residual_sky *where, int noise, rx_sky_mesh *mesh,
                          rx_error *err)
 {
-    rx_status status = rx_sky_mesh_open(canvas->width, canvas->height, where->cell, sheet, err);
+    rx_status status = rx_sky_mesh_open(image->width, image->height, where->cell, mesh, err);
     if (status != RX_OK)
         return status;
-    const size_t count = (size_t)sheet->nx * (size_t)sheet->ny;
-    const cells of = {where, canvas, noise, sheet};
+    const size_t count = (size_t)mesh->nx * (size_t)mesh->ny;
+    const cells of = {where, image, noise, mesh};
     double *next = RX_NEW(double, count);
-    status = next != NULL ? measure_all(&of, canvas, err) : rx_error_memory(err, count * sizeof *next);
+    status = next != NULL ? measure_all(&of, image, err) : rx_error_memory(err, count * sizeof *next);
     if (status == RX_OK)
-        fill_holes(sheet, noise, next);
+        fill_holes(mesh, noise, next);
     else
-        rx_sky_mesh_clear(sheet);
+        rx_sky_mesh_clear(mesh);
     free(next);
     return status;
 }
 
-rx_status rx_residual_sky_subtract(rx_fit_image *canvas, const rx_residual_sky *where, double *mean,
+rx_status rx_residual_sky_subtract(rx_fit_image *image, const rx_residual_sky *where, double *mean,
                                    rx_error *err)
 {
-    rx_sky_mesh sheet;
-    RX_TRY(measure(canvas, where, 0, &sheet, err));
+    rx_sky_mesh mesh;
+    RX_TRY(measure(image, where, 0, &mesh, err));
     double sum = 0;
-    for (int i = 0; i < sheet.nx * sheet.ny; i++)
-        sum += sheet.value[i];
-    *mean = sum / (sheet.nx * sheet.ny);
-    return rx_fit_image_subtract(canvas, &sheet, err);
+    for (int i = 0; i < mesh.nx * mesh.ny; i++)
+        sum += mesh.value[i];
+    *mean = sum / (mesh.nx * mesh.ny);
+    return rx_fit_image_subtract(image, &mesh, err);
 }
 
-rx_status rx_residual_sky_rescale(rx_fit_image *canvas, const rx_residual_sky *where, rx_error *err)
+rx_status rx_residual_sky_rescale(rx_fit_image *image, const rx_residual_sky *where, rx_error *err)
 {
-    rx_sky_mesh sheet;
-    RX_TRY(measure(canvas, where, 1, &sheet, err));
-    rx_fit_image_rescale(canvas, &sheet);
+    rx_sky_mesh mesh;
+    RX_TRY(measure(image, where, 1, &mesh, err));
+    rx_fit_image_rescale(image, &mesh);
     return RX_OK;
 }
 

@@ -9,7 +9,7 @@
 static const double CLEAR = 3.0;
 enum { KEPT = 4 }; /* plane */
 
-/* Of the model of all at that pixel, what is the subject's; on its own segment all. */
+/* Of the model of all at that pixel, what is the source's; on its own segment all. */
 static double share_of(const rx_refine_view *view, const rx_fit_source *s, size_t k, double own)
 {
     const int32_t segment = view->segments[k];
@@ -17,8 +17,8 @@ static double share_of(const rx_refine_view *view, const rx_fit_source *s, size_
         return 1;
     if (segment != 0 || !(own > 0))
         return 0;
-    const size_t above = (size_t)view->canvas->top * (size_t)view->canvas->width;
-    const double all = view->canvas->model[k - above];
+    const size_t above = (size_t)view->image->top * (size_t)view->image->width;
+    const double all = view->image->model[k - above];
     return all > own ? own / all : 1;
 }
 
@@ -55,14 +55,14 @@ static float select_value(float *v, int n, int below)
  * few. work [n][n]. */
 static double restored_noise(const rx_refine_view *view, int cx, int cy, int n, float *work)
 {
-    const rx_fit_image *canvas = view->canvas;
+    const rx_fit_image *image = view->image;
     const int x0 = cx - n / 2 > 0 ? cx - n / 2 : 0, y0 = cy - n / 2 > 0 ? cy - n / 2 : 0;
-    const int x1 = cx - n / 2 + n < canvas->width ? cx - n / 2 + n : canvas->width;
-    const int y1 = cy - n / 2 + n < canvas->height ? cy - n / 2 + n : canvas->height;
+    const int x1 = cx - n / 2 + n < image->width ? cx - n / 2 + n : image->width;
+    const int y1 = cy - n / 2 + n < image->height ? cy - n / 2 + n : image->height;
     const int bits = view->shape_mask != NULL ? view->shape_bits : 0;
     int count = 0;
     for (int y = y0; y < y1; y++) {
-        const size_t row = (size_t)y * (size_t)canvas->width;
+        const size_t row = (size_t)y * (size_t)image->width;
         const int32_t *segments = view->segments + row;
         const uint8_t *mask = view->restored->mask + row;
         const uint8_t *more = view->shape_mask != NULL ? view->shape_mask + row : mask;
@@ -114,7 +114,7 @@ static double free_pixel(const rx_refine_view *view, const rx_fit_source *s, siz
     const size_t width = (size_t)restored->width;
     const double known = at != NULL
                              ? (double)*at
-                             : sqrt(rx_fit_image_variance(view->canvas, (int)(k % width), (int)(k / width)));
+                             : sqrt(rx_fit_image_variance(view->image, (int)(k % width), (int)(k / width)));
     const double noise = known > least_noise ? known : least_noise;
     if (view->segments[k] != s->segment && !(fabs(v) > CLEAR * noise))
         return 0;
@@ -135,15 +135,15 @@ static int clip(int v, int least, int most)
 static double difference(const rx_refine_view *view, const rx_fit_source *s, int cx, int cy,
                          double least_noise, float *room, rx_template_domain *size)
 {
-    const rx_fit_image *canvas = view->canvas;
+    const rx_fit_image *image = view->image;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     const int reach = (int)ceil(view->fwhm), left = cx - size->n / 2, low = cy - size->n / 2;
     const int right = left + size->n - 1, high = low + size->n - 1;
     /* the box lies in the plane and in the tile; it may be empty */
     const int x0 = clip(s->xmin - reach, left > 0 ? left : 0, right + 1);
     const int y0 = clip(s->ymin - reach, low > 0 ? low : 0, high + 1);
-    const int x1 = clip(s->xmax + reach, left - 1, right < canvas->width ? right : canvas->width - 1);
-    const int y1 = clip(s->ymax + reach, low - 1, high < canvas->height ? high : canvas->height - 1);
+    const int x1 = clip(s->xmax + reach, left - 1, right < image->width ? right : image->width - 1);
+    const int y1 = clip(s->ymax + reach, low - 1, high < image->height ? high : image->height - 1);
     const float *noise = read_noise(view, x0, y0, x1, y1, room);
     double used = 0;
     for (int y = low; y <= high; y++) {
@@ -157,7 +157,7 @@ static double difference(const rx_refine_view *view, const rx_fit_source *s, int
             const float *at =
                 noise != NULL ? noise + (size_t)(y - y0) * (size_t)(x1 - x0 + 1) + (x - x0) : NULL;
             used +=
-                free_pixel(view, s, (size_t)y * (size_t)canvas->width + (size_t)x, own, at, least_noise, p);
+                free_pixel(view, s, (size_t)y * (size_t)image->width + (size_t)x, own, at, least_noise, p);
         }
     }
     return used;
@@ -193,11 +193,11 @@ static double fit_both(const rx_patch *patch, const float *t, const float *d, si
     return both - alone;
 }
 
-int rx_substructure_add(const rx_refine_view *view, const rx_fit_source *subject, int cx, int cy,
+int rx_substructure_add(const rx_refine_view *view, const rx_fit_source *source, int cx, int cy,
                         rx_template_domain *size, const rx_patch *patch, double *flux)
 {
     const size_t stride = (size_t)rx_fft_stride_real(size->fft), rows = (size_t)size->n;
-    if (subject->segment == 0 || subject->untouched || !(subject->flux > 0))
+    if (source->segment == 0 || source->untouched || !(source->flux > 0))
         return 0;
     const rx_matching *matching = rx_template_domain_matching(size);
     /* a spectrum is larger than its plane, and is free now */
@@ -205,8 +205,8 @@ int rx_substructure_add(const rx_refine_view *view, const rx_fit_source *subject
     float *own = size->plane[0]; /* kept as a plane that only derivatives need */
     size->plane[0] = size->plane[KEPT];
     size->plane[KEPT] = own;
-    rx_template_domain_render(size, &subject->profile, subject->x - cx, subject->y - cy, matching, 1);
-    const double cost = 2 * difference(view, subject, cx, cy, noise, size->half[0], size) + 4;
+    rx_template_domain_render(size, &source->profile, source->x - cx, source->y - cy, matching, 1);
+    const double cost = 2 * difference(view, source, cx, cy, noise, size->half[0], size) + 4;
     rx_template_domain_blur(size, matching);
     double both = 0, amount = 0, sum = 0;
     const double gain = fit_both(patch, own, size->plane[0], stride, &both, &amount);
@@ -214,7 +214,7 @@ int rx_substructure_add(const rx_refine_view *view, const rx_fit_source *subject
         for (size_t i = 0; i < rows; i++)
             sum += size->plane[0][j * stride + i];
     const double total = both + amount * sum;
-    if (gain > cost && both > 0 && total > 0.5 * subject->flux) {
+    if (gain > cost && both > 0 && total > 0.5 * source->flux) {
         *flux = total;
         for (size_t k = 0; k < rows * stride; k++)
             size->plane[0][k] = (float)((both * own[k] + amount * size->plane[0][k]) / total);

@@ -46,10 +46,10 @@ typedef struct work {
     const rx_tphot_input *input;
     int nthreads;
     int frozen; /* all positions and shapes are given, and stay */
-    rx_fit_image canvas;
-    rx_template_otf **lenses; /* [nthreads] */
+    rx_fit_image image;
+    rx_template_otf **renderers; /* [nthreads] */
     int n;
-    rx_fit_source *subjects;  /* [n] */
+    rx_fit_source *sources;   /* [n] */
     rx_joint_member *members; /* [n] of the last fit */
     double *backgrounds;      /* [n] by group */
     rx_blends blends;
@@ -62,58 +62,58 @@ typedef struct work {
     rx_structure structure;   /* of the sky, as points see it; empty: not known yet */
     rx_crowding crowd;        /* known after the first fit */
     int passes, nadded;       /* so far */
-    double (*gone)[2];        /* [ngone] where what was added did not hold */
-    int ngone;
+    double (*dropped)[2];     /* [ndropped] where what was added did not hold */
+    int ndropped;
 } work;
 
 static rx_status open_work(work *w, rx_error *err)
 {
     w->n = w->input->sources->n;
-    w->subjects = RX_NEW(rx_fit_source, w->n);
-    w->lenses = RX_NEW(rx_template_otf *, w->nthreads);
-    if (w->subjects == NULL || w->lenses == NULL)
+    w->sources = RX_NEW(rx_fit_source, w->n);
+    w->renderers = RX_NEW(rx_template_otf *, w->nthreads);
+    if (w->sources == NULL || w->renderers == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof(rx_fit_source));
     rx_status status = RX_OK;
-    rx_fit_image_open(w->input, w->par->shown, w->nthreads, &w->canvas);
+    rx_fit_image_open(w->input, w->par->shown, w->nthreads, &w->image);
     /* no noise: it counts as much against that of sums of pixels as it would where pixels are independent */
-    w->canvas.psf_error = w->par->psf_error / rx_noise_factor_wide(w->input->image.correlation);
+    w->image.psf_error = w->par->psf_error / rx_noise_factor_wide(w->input->image.correlation);
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
-        status = rx_template_otf_new(w->input->image.psf, w->input->restored->psf, &w->lenses[i], err);
-    rx_fit_sources_start(w->par, w->input, w->subjects);
+        status = rx_template_otf_new(w->input->image.psf, w->input->restored->psf, &w->renderers[i], err);
+    rx_fit_sources_start(w->par, w->input, w->sources);
     w->frozen = w->input->shapes != NULL;
     for (int i = 0; i < w->n; i++)
-        w->frozen &= !w->subjects[i].movable;
+        w->frozen &= !w->sources[i].movable;
     return status;
 }
 
 static void close_work(work *w)
 {
-    for (int i = 0; i < w->n && w->subjects != NULL; i++)
-        free(w->subjects[i].footprint.values);
-    for (int i = 0; i < w->nthreads && w->lenses != NULL; i++)
-        rx_template_otf_free(w->lenses[i]);
-    free(w->subjects);
-    free(w->lenses);
+    for (int i = 0; i < w->n && w->sources != NULL; i++)
+        free(w->sources[i].footprint.values);
+    for (int i = 0; i < w->nthreads && w->renderers != NULL; i++)
+        rx_template_otf_free(w->renderers[i]);
+    free(w->sources);
+    free(w->renderers);
     free(w->members);
     free(w->backgrounds);
     free(w->covariances);
     free(w->place);
-    free(w->gone);
+    free(w->dropped);
     rx_blends_clear(&w->blends);
     rx_crowding_clear(&w->crowd);
     rx_structure_clear(&w->structure);
-    rx_fit_image_clear(&w->canvas);
+    rx_fit_image_clear(&w->image);
 }
 
-/* The model is that of the subjects as they are now. */
+/* The model is that of the sources as they are now. */
 static rx_status draw(work *w, rx_error *err)
 {
     rx_layer *layers = RX_NEW(rx_layer, w->n);
     if (layers == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *layers);
     for (int i = 0; i < w->n; i++)
-        layers[i] = (rx_layer){w->subjects[i].footprint, w->subjects[i].flux};
-    rx_fit_image_set(&w->canvas, layers, w->n);
+        layers[i] = (rx_layer){w->sources[i].footprint, w->sources[i].flux};
+    rx_fit_image_set(&w->image, layers, w->n);
     return RX_OK;
 }
 
@@ -127,7 +127,7 @@ static rx_refine_params refine_params(const work *w, int frozen, int substructur
 
 static rx_refine_view refine_view(const work *w)
 {
-    return (rx_refine_view){.canvas = &w->canvas,
+    return (rx_refine_view){.image = &w->image,
                             .restored = w->input->restored,
                             .shape_mask = w->input->shape_mask,
                             .shape_bits = w->input->shape_bits,
@@ -148,7 +148,7 @@ typedef struct refinement {
 
 static int takes_part(const refinement *r, int i)
 {
-    const rx_fit_source *s = &r->w->subjects[i];
+    const rx_fit_source *s = &r->w->sources[i];
     return i >= r->first && !s->still && (!r->moved_only || s->moved) && (r->par.frozen || s->movable);
 }
 
@@ -157,7 +157,7 @@ static rx_status refine_one(void *user, int i, int thread, rx_error *err)
     const refinement *r = user;
     if (!takes_part(r, i))
         return RX_OK;
-    return rx_refine(&r->par, &r->view, r->w->lenses[thread], &r->w->subjects[i], &r->after[i], err);
+    return rx_refine(&r->par, &r->view, r->w->renderers[thread], &r->w->sources[i], &r->after[i], err);
 }
 
 static rx_status learn_prior(work *w, rx_error *err)
@@ -167,7 +167,7 @@ static rx_status learn_prior(work *w, rx_error *err)
     if (cases == NULL)
         return rx_error_memory(err, (size_t)n * sizeof *cases);
     for (int i = 0; i < n; i++) {
-        const rx_fit_source *s = &w->subjects[i];
+        const rx_fit_source *s = &w->sources[i];
         cases[i] = (rx_prior_sample){.flux = s->as_point,
                                      .snr = s->as_point / s->point_error,
                                      .evidence = s->evidence,
@@ -181,7 +181,7 @@ static rx_status learn_prior(work *w, rx_error *err)
     return status;
 }
 
-/* Subjects from `first` on, each against the others as the model has them now; then all take their new shape
+/* Sources from `first` on, each against the others as the model has them now; then all take their new shape
  * at once, so that no order matters. moved_only: those that shift() has moved. */
 static rx_status refine(work *w, int first, int frozen, int moved_only, int substructure, rx_error *err)
 {
@@ -199,14 +199,14 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
     }
     for (int i = 0; i < w->n; i++)
         if (takes_part(&r, i))
-            windows[i] = rx_refine_window(&r.par, &r.view, w->lenses[0], &w->subjects[i]);
-    status = rx_windows_run(&w->canvas, windows, w->n, 0, refine_one, &r, err);
+            windows[i] = rx_refine_window(&r.par, &r.view, w->renderers[0], &w->sources[i]);
+    status = rx_windows_run(&w->image, windows, w->n, 0, refine_one, &r, err);
     for (int i = 0; i < w->n; i++) {
         if (!takes_part(&r, i))
             continue;
-        free(status == RX_OK ? w->subjects[i].footprint.values : r.after[i].footprint.values);
+        free(status == RX_OK ? w->sources[i].footprint.values : r.after[i].footprint.values);
         if (status == RX_OK)
-            w->subjects[i] = r.after[i];
+            w->sources[i] = r.after[i];
     }
 exit:
     free(r.after);
@@ -247,10 +247,10 @@ static rx_status regroup(work *w, rx_error *err)
         return rx_error_memory(err, (size_t)w->n * sizeof *members);
     }
     for (int i = 0; i < w->n; i++)
-        footprints[i] = &w->subjects[i].footprint;
+        footprints[i] = &w->sources[i].footprint;
     rx_blends_clear(&w->blends);
     rx_status status =
-        rx_blends_find(w->par, footprints, w->n, w->canvas.width, w->canvas.height, &w->blends, err);
+        rx_blends_find(w->par, footprints, w->n, w->image.width, w->image.height, &w->blends, err);
     free(footprints);
     return status == RX_OK && w->par->covariance ? place_covariances(w, err) : status;
 }
@@ -260,7 +260,7 @@ static rx_status regroup(work *w, rx_error *err)
  * RX_TPHOT_SINGULAR where it would have been. */
 static double within_light(const work *w, const rx_fit_source *s, double flux, int *flags)
 {
-    const rx_fit_image *c = &w->canvas;
+    const rx_fit_image *c = &w->image;
     const rx_footprint *f = &s->footprint;
     double light = 0, share = 0, most = HUGE_VAL;
     if (!((double)c->floor > w->input->image.global_noise) || !isfinite(flux))
@@ -295,17 +295,17 @@ static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
     if (members == NULL)
         return rx_error_memory(err, (size_t)m * sizeof *members);
     for (int i = 0; i < m; i++) {
-        const rx_fit_source *s = &w->subjects[w->blends.member[first + i]];
+        const rx_fit_source *s = &w->sources[w->blends.member[first + i]];
         members[i] = (rx_joint_member){.footprint = &s->footprint,
                                        .before = s->flux,
                                        .grain = s->grain,
                                        .shift_width = movable && s->movable ? rx_refine_reach(fwhm) : 0,
                                        .shift_centre = {s->x0 - s->x, s->y0 - s->y}};
     }
-    rx_status status = rx_joint_fit(&par, &w->canvas, m, members, &w->backgrounds[group], covariance, err);
+    rx_status status = rx_joint_fit(&par, &w->image, m, members, &w->backgrounds[group], covariance, err);
     for (int i = 0; i < m && status == RX_OK; i++) {
         const int k = w->blends.member[first + i];
-        members[i].flux = within_light(w, &w->subjects[k], members[i].flux, &members[i].flags);
+        members[i].flux = within_light(w, &w->sources[k], members[i].flux, &members[i].flags);
         w->members[k] = members[i];
     }
     free(members);
@@ -317,7 +317,7 @@ static int still(const work *w, int g)
 {
     int still = 1;
     for (int k = w->blends.start[g]; k < w->blends.start[g + 1]; k++)
-        still = still && w->subjects[w->blends.member[k]].still;
+        still = still && w->sources[w->blends.member[k]].still;
     return still;
 }
 
@@ -330,34 +330,34 @@ static rx_status fit_whole_group(void *user, int g, int thread, rx_error *err)
 {
     work *w = user;
     (void)thread;
-    return w->blends.torn[g] || still(w, g) ? RX_OK : fit_group(w, g, 1, err);
+    return w->blends.divided[g] || still(w, g) ? RX_OK : fit_group(w, g, 1, err);
 }
 
 /* By all threads; what it finds is there for the next. */
-static rx_status fit_torn_group(void *user, int g, int thread, rx_error *err)
+static rx_status fit_divided_group(void *user, int g, int thread, rx_error *err)
 {
     work *w = user;
     (void)thread;
-    if (!w->blends.torn[g] || still(w, g))
+    if (!w->blends.divided[g] || still(w, g))
         return RX_OK;
     rx_status status = fit_group(w, g, w->nthreads, err);
     for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && status == RX_OK; k++) {
-        rx_fit_source *s = &w->subjects[w->blends.member[k]];
+        rx_fit_source *s = &w->sources[w->blends.member[k]];
         const double flux = found_flux(&w->members[w->blends.member[k]]);
-        status = rx_fit_image_add(&w->canvas, &s->footprint, flux - s->flux, err);
+        status = rx_fit_image_add(&w->image, &s->footprint, flux - s->flux, err);
         s->flux = flux;
     }
     return status;
 }
 
-/* The footprints of the groups with cut links (torn = 1) or without. */
-static void group_windows(const work *w, int torn, rx_window *windows)
+/* The footprints of the groups with cut links (divided = 1) or without. */
+static void group_windows(const work *w, int divided, rx_window *windows)
 {
     for (int g = 0; g < w->blends.ngroups; g++) {
         rx_window *all = &windows[g];
-        *all = (rx_window){w->canvas.width, w->canvas.height, 0, 0};
-        for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && w->blends.torn[g] == torn; k++) {
-            const rx_window one = rx_footprint_window(&w->subjects[w->blends.member[k]].footprint);
+        *all = (rx_window){w->image.width, w->image.height, 0, 0};
+        for (int k = w->blends.start[g]; k < w->blends.start[g + 1] && w->blends.divided[g] == divided; k++) {
+            const rx_window one = rx_footprint_window(&w->sources[w->blends.member[k]].footprint);
             if (one.x1 <= one.x0)
                 continue;
             *all = (rx_window){one.x0 < all->x0 ? one.x0 : all->x0, one.y0 < all->y0 ? one.y0 : all->y0,
@@ -369,12 +369,12 @@ static void group_windows(const work *w, int torn, rx_window *windows)
 /* Groups that links were cut from, one after the other, each against what the ones before have found (block
  * Gauss-Seidel). All at once against the model of before, as the others are fitted, would run away where
  * neighbours across many cuts take the same light. */
-static rx_status fit_torn_groups(work *w, rx_window *windows, rx_error *err)
+static rx_status fit_divided_groups(work *w, rx_window *windows, rx_error *err)
 {
     rx_status status = draw(w, err);
     group_windows(w, 1, windows);
     if (status == RX_OK)
-        status = rx_windows_run(&w->canvas, windows, w->blends.ngroups, 1, fit_torn_group, w, err);
+        status = rx_windows_run(&w->image, windows, w->blends.ngroups, 1, fit_divided_group, w, err);
     return status;
 }
 
@@ -386,12 +386,12 @@ static rx_status fit_groups(work *w, int errors, rx_error *err)
     if (windows == NULL)
         return rx_error_memory(err, (size_t)w->blends.ngroups * sizeof *windows);
     group_windows(w, 0, windows);
-    rx_status status = rx_windows_run(&w->canvas, windows, w->blends.ngroups, 0, fit_whole_group, w, err);
+    rx_status status = rx_windows_run(&w->image, windows, w->blends.ngroups, 0, fit_whole_group, w, err);
     for (int i = 0; i < w->n && status == RX_OK; i++)
-        if (!w->blends.torn[w->blends.group[i]])
-            w->subjects[i].flux = found_flux(&w->members[i]);
-    if (status == RX_OK && w->blends.ntorn > 0)
-        status = fit_torn_groups(w, windows, err);
+        if (!w->blends.divided[w->blends.group[i]])
+            w->sources[i].flux = found_flux(&w->members[i]);
+    if (status == RX_OK && w->blends.ndivided > 0)
+        status = fit_divided_groups(w, windows, err);
     free(windows);
     return status == RX_OK ? draw(w, err) : status;
 }
@@ -404,12 +404,12 @@ static rx_status shift(work *w, rx_error *err)
     int moved = 0;
     for (int i = 0; i < w->n; i++) {
         const double *by = w->members[i].shift, length = hypot(by[0], by[1]);
-        w->subjects[i].moved = !w->subjects[i].still && length > SMALL && isfinite(length);
-        if (!w->subjects[i].moved)
+        w->sources[i].moved = !w->sources[i].still && length > SMALL && isfinite(length);
+        if (!w->sources[i].moved)
             continue;
         const double scale = length > most ? most / length : 1;
-        w->subjects[i].x += scale * by[0];
-        w->subjects[i].y += scale * by[1];
+        w->sources[i].x += scale * by[0];
+        w->sources[i].y += scale * by[1];
         moved = 1;
     }
     return moved ? refine(w, 0, 1, 1, w->substructure, err) : RX_OK;
@@ -427,14 +427,14 @@ static rx_status fit_on_sky(work *w, rx_error *err)
         RX_TRY(shift(w, err));
         RX_TRY(fit_groups(w, 0, err));
     }
-    if (w->blends.ntorn > 0) /* across cut links groups take turns: once more with what is known now */
+    if (w->blends.ndivided > 0) /* across cut links groups take turns: once more with what is known now */
         RX_TRY(fit_groups(w, 0, err));
     if (w->par->sky_cell > 0) {
-        RX_TRY(rx_residual_sky_subtract(&w->canvas, &between, &mean, err));
+        RX_TRY(rx_residual_sky_subtract(&w->image, &between, &mean, err));
         w->sky += mean;
         if (w->crowd.n > 0) {
-            RX_TRY(rx_residual_sky_subtract(&w->canvas, &crowd, &mean, err));
-            RX_TRY(rx_residual_sky_rescale(&w->canvas, &crowd, err));
+            RX_TRY(rx_residual_sky_subtract(&w->image, &crowd, &mean, err));
+            RX_TRY(rx_residual_sky_rescale(&w->image, &crowd, err));
             w->sky += mean;
         }
     }
@@ -445,14 +445,14 @@ static rx_status add_points(work *w, const double (*at)[2], int count, rx_error 
 {
     if (count <= 0)
         return RX_OK;
-    rx_fit_source *more = rx_regrow(w->subjects, (size_t)w->n + (size_t)count, sizeof *more);
+    rx_fit_source *more = rx_regrow(w->sources, (size_t)w->n + (size_t)count, sizeof *more);
     if (more == NULL)
         return rx_error_memory(err, ((size_t)w->n + (size_t)count) * sizeof *more);
     const int first = w->n;
-    w->subjects = more;
+    w->sources = more;
     for (int i = 0; i < count; i++) {
-        w->subjects[w->n] = rx_fit_source_added(at[i][0], at[i][1], w->nadded++);
-        w->subjects[w->n++].movable = !w->frozen;
+        w->sources[w->n] = rx_fit_source_added(at[i][0], at[i][1], w->nadded++);
+        w->sources[w->n++].movable = !w->frozen;
     }
     return refine(w, first, 1, 0, 0, err);
 }
@@ -466,38 +466,38 @@ static int in_crowd(const work *w, const rx_fit_source *s)
 static rx_status drop_weak(work *w, int *dropped, rx_error *err)
 {
     int n = 0;
-    double(*gone)[2] = rx_regrow(w->gone, (size_t)w->ngone + (size_t)w->n, sizeof *gone);
-    if (gone == NULL)
-        return rx_error_memory(err, (size_t)w->n * sizeof *gone);
-    w->gone = gone;
+    double(*list)[2] = rx_regrow(w->dropped, (size_t)w->ndropped + (size_t)w->n, sizeof *list);
+    if (list == NULL)
+        return rx_error_memory(err, (size_t)w->n * sizeof *list);
+    w->dropped = list;
     for (int i = 0; i < w->n; i++) {
-        const rx_fit_source *s = &w->subjects[i];
+        const rx_fit_source *s = &w->sources[i];
         const rx_joint_member *m = &w->members[i];
         const int weak = s->added >= 0 && in_crowd(w, s) && !(m->flux > w->par->least * sqrt(m->variance));
         if (weak) {
-            gone[w->ngone][0] = s->x;
-            gone[w->ngone++][1] = s->y;
+            list[w->ndropped][0] = s->x;
+            list[w->ndropped++][1] = s->y;
             free(s->footprint.values);
             continue;
         }
         w->members[n] = *m;
-        w->subjects[n++] = *s;
+        w->sources[n++] = *s;
     }
     *dropped = w->n - n;
     w->n = n;
     return *dropped > 0 ? draw(w, err) : RX_OK;
 }
 
-/* [n + ngone][2] where the subjects are and what is gone was; NULL without memory. */
+/* [n + ndropped][2] where the sources are and what is gone was; NULL without memory. */
 static double (*positions(const work *w))[2]
 {
-    double(*at)[2] = rx_alloc((size_t)w->n + (size_t)w->ngone, sizeof *at);
+    double(*at)[2] = rx_alloc((size_t)w->n + (size_t)w->ndropped, sizeof *at);
     for (int i = 0; i < w->n && at != NULL; i++) {
-        at[i][0] = w->subjects[i].x;
-        at[i][1] = w->subjects[i].y;
+        at[i][0] = w->sources[i].x;
+        at[i][1] = w->sources[i].y;
     }
-    if (at != NULL && w->ngone > 0)
-        memcpy(at + w->n, w->gone, (size_t)w->ngone * sizeof *at);
+    if (at != NULL && w->ndropped > 0)
+        memcpy(at + w->n, w->dropped, (size_t)w->ndropped * sizeof *at);
     return at;
 }
 
@@ -505,7 +505,7 @@ static double (*positions(const work *w))[2]
 static void split(work *w, double (*seconds)[2], int *count)
 {
     for (int i = 0; i < w->n; i++) {
-        rx_fit_source *s = &w->subjects[i];
+        rx_fit_source *s = &w->sources[i];
         s->moved = s->paired && !in_crowd(w, s);
         s->paired = 0;
         if (!s->moved)
@@ -535,9 +535,9 @@ static rx_status look(work *w, int *count, int *seen, rx_error *err)
     if (w->par->crowding != RX_CROWDING_NO)
         split(w, seconds, &nseconds);
     /* what did not hold in the first passes may once its surroundings are right */
-    const int n = w->passes <= TRIED ? w->n : w->n + w->ngone;
+    const int n = w->passes <= TRIED ? w->n : w->n + w->ndropped;
     const rx_tphot_search view = {
-        &w->canvas, &w->crowd, w->passes - 1, (const double(*)[2])at, n, (const double(*)[2])seconds,
+        &w->image, &w->crowd, w->passes - 1, (const double(*)[2])at, n, (const double(*)[2])seconds,
         nseconds};
     RX_TRY_EXIT(w->input->more(w->input->user, &view, &found, count, err));
     *seen = *count - nseconds;
@@ -571,22 +571,22 @@ static void mark(const stirred *of, double x, double y)
             of->near[v * of->nx + u] = 1;
 }
 
-/* Only what is near the last `added` subjects and the last `dropped` that are gone is fitted from now on. */
+/* Only what is near the last `added` sources and the last `dropped` that are gone is fitted from now on. */
 static rx_status settle(work *w, int added, int dropped, rx_error *err)
 {
     stirred of = {.cell = STIRRED * fmax(w->input->image.psf->fwhm, 1.0)};
-    of.nx = (int)(w->canvas.width / of.cell) + 1;
-    of.ny = (int)(w->canvas.height / of.cell) + 1;
+    of.nx = (int)(w->image.width / of.cell) + 1;
+    of.ny = (int)(w->image.height / of.cell) + 1;
     of.near = RX_NEW(uint8_t, (size_t)of.nx * (size_t)of.ny);
     if (of.near == NULL)
         return rx_error_memory(err, (size_t)of.nx * (size_t)of.ny);
     for (int i = w->n - added; i < w->n; i++)
-        mark(&of, w->subjects[i].x, w->subjects[i].y);
-    for (int i = w->ngone - dropped; i < w->ngone; i++)
-        mark(&of, w->gone[i][0], w->gone[i][1]);
+        mark(&of, w->sources[i].x, w->sources[i].y);
+    for (int i = w->ndropped - dropped; i < w->ndropped; i++)
+        mark(&of, w->dropped[i][0], w->dropped[i][1]);
     for (int i = 0; i < w->n; i++)
-        w->subjects[i].still =
-            !of.near[along(w->subjects[i].y, &of, of.ny) * of.nx + along(w->subjects[i].x, &of, of.nx)];
+        w->sources[i].still =
+            !of.near[along(w->sources[i].y, &of, of.ny) * of.nx + along(w->sources[i].x, &of, of.nx)];
     free(of.near);
     return RX_OK;
 }
@@ -595,7 +595,7 @@ static rx_status settle(work *w, int added, int dropped, rx_error *err)
 static void unsettle(work *w)
 {
     for (int i = 0; i < w->n; i++)
-        w->subjects[i].still = 0;
+        w->sources[i].still = 0;
 }
 
 static int movable(const work *w)
@@ -618,9 +618,9 @@ static rx_status look_again(work *w, rx_error *err)
             RX_TRY(settle(w, count, dropped, err));
         w->passes++;
         for (int i = 0; i < w->n; i++)
-            if (in_crowd(w, &w->subjects[i])) { /* what was two sources is elsewhere now */
-                w->subjects[i].x0 = w->subjects[i].x;
-                w->subjects[i].y0 = w->subjects[i].y;
+            if (in_crowd(w, &w->sources[i])) { /* what was two sources is elsewhere now */
+                w->sources[i].x0 = w->sources[i].x;
+                w->sources[i].y0 = w->sources[i].y;
             }
         if (w->crowd.n == 0) {
             RX_TRY(fit_on_sky(w, err));
@@ -642,7 +642,7 @@ static void describe_crowd(const work *w, rx_crowd_source *sources)
 {
     const rx_sources *listed = w->input->sources;
     for (int i = 0; i < w->n; i++) {
-        const rx_fit_source *s = &w->subjects[i];
+        const rx_fit_source *s = &w->sources[i];
         const int clear = rx_prior_is_clear(s->flux / sqrt(w->members[i].variance));
         sources[i] = (rx_crowd_source){
             s->x, s->y, clear ? s->star : -1, {s->point * s->flux, (1 - s->point) * s->flux}, 0};
@@ -663,7 +663,7 @@ static rx_status find_crowd(work *w, int spare, rx_error *err)
         status = rx_crowding_spare(sources, w->n, &w->crowd, err);
     } else {
         rx_crowding_clear(&w->crowd);
-        status = rx_crowding_find(&w->canvas, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
+        status = rx_crowding_find(&w->image, sources, w->n, fmax(w->input->image.psf->fwhm, 1.0),
                                   w->par->crowding, &w->crowd, err);
     }
     free(sources);
@@ -676,7 +676,7 @@ static rx_status follow_structure(work *w, rx_error *err)
     const int everywhere = w->crowd.n == w->crowd.nx * w->crowd.ny;
     if (w->par->sky_cell <= 0 || (everywhere && w->structure.level.nx == 0))
         return RX_OK;
-    RX_TRY(rx_residual_sky_structure(&w->canvas, w->input->image.psf, &w->crowd, &w->structure,
+    RX_TRY(rx_residual_sky_structure(&w->image, w->input->image.psf, &w->crowd, &w->structure,
                                      &w->point_power, err));
     return fit_groups(w, 1, err);
 }
@@ -709,7 +709,7 @@ static rx_status fit_everything(work *w, rx_error *err)
     if (w->input->more != NULL && w->par->passes > 1)
         RX_TRY(look_again(w, err));
     /* weights follow the photons of the model that has just been found, and in a crowd some have gone */
-    if (w->canvas.gain > 0 || w->canvas.psf_error > 0 || w->crowd.n > 0)
+    if (w->image.gain > 0 || w->image.psf_error > 0 || w->crowd.n > 0)
         RX_TRY(fit_on_sky(w, err));
     return follow_structure(w, err);
 }
@@ -728,11 +728,11 @@ typedef struct weighing {
 static double structure_of(const work *w, const rx_fit_source *s)
 {
     const double power = rx_footprint_product(&s->footprint, &s->footprint, NULL);
-    const int x = rx_min_int(rx_max_int((int)lround(s->x), 0), w->canvas.width - 1),
-              y = rx_min_int(rx_max_int((int)lround(s->y), 0), w->canvas.height - 1);
+    const int x = rx_min_int(rx_max_int((int)lround(s->x), 0), w->image.width - 1),
+              y = rx_min_int(rx_max_int((int)lround(s->y), 0), w->image.height - 1);
     if (!(power > 0) || w->structure.variance.nx == 0)
         return 0;
-    const double noise = (double)rx_fit_image_variance(&w->canvas, x, y) * s->grain * s->grain / power;
+    const double noise = (double)rx_fit_image_variance(&w->image, x, y) * s->grain * s->grain / power;
     return rx_sky_mesh_at(&w->structure.variance, x, y) * noise * fmax(w->point_power / power, 1);
 }
 
@@ -740,12 +740,13 @@ static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
 {
     const weighing *g = user;
     work *w = g->w;
-    rx_fit_source *s = &w->subjects[i];
+    rx_fit_source *s = &w->sources[i];
     s->structure = structure_of(w, s);
-    RX_TRY(
-        rx_evidence_of(&g->par, &g->view, w->lenses[thread], w->subjects, &g->rivals[i], &s->presence, err));
-    return w->input->shapes != NULL ? RX_OK
-                                    : rx_two_odds(&g->par, &g->view, w->lenses[thread], &g->counts, s, err);
+    RX_TRY(rx_evidence_of(&g->par, &g->view, w->renderers[thread], w->sources, &g->rivals[i], &s->presence,
+                          err));
+    return w->input->shapes != NULL
+               ? RX_OK
+               : rx_two_odds(&g->par, &g->view, w->renderers[thread], &g->counts, s, err);
 }
 
 static rx_status count_sources(weighing *g, rx_error *err)
@@ -759,7 +760,7 @@ static rx_status count_sources(weighing *g, rx_error *err)
         error[i] = sqrt(w->members[i].variance);
     }
     const rx_status status = rx_two_counts_make(
-        flux, error, w->n, (double)w->canvas.width * (double)w->canvas.height, &g->counts, err);
+        flux, error, w->n, (double)w->image.width * (double)w->image.height, &g->counts, err);
     free(flux);
     return status;
 }
@@ -790,14 +791,14 @@ static rx_status weigh_evidence(work *w, rx_error *err)
     for (int k = 0; k < w->n; k++) {
         const int group = w->blends.group[w->blends.member[k]], i = w->blends.member[k];
         const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
-        g.rivals[i] = rx_evidence_neighbour(w->subjects, w->members, w->blends.member + first, m, k - first);
+        g.rivals[i] = rx_evidence_neighbour(w->sources, w->members, w->blends.member + first, m, k - first);
         windows[i] =
-            around(rx_footprint_window(&w->subjects[i].footprint), rx_two_window(&g.view, &w->subjects[i]));
+            around(rx_footprint_window(&w->sources[i].footprint), rx_two_window(&g.view, &w->sources[i]));
         if (g.rivals[i].other >= 0)
-            windows[i] = around(windows[i], rx_refine_alone_window(&g.view, &w->subjects[g.rivals[i].other],
-                                                                   &w->subjects[i]));
+            windows[i] = around(
+                windows[i], rx_refine_alone_window(&g.view, &w->sources[g.rivals[i].other], &w->sources[i]));
     }
-    status = rx_windows_run(&w->canvas, windows, w->n, 0, weigh_one, &g, err);
+    status = rx_windows_run(&w->image, windows, w->n, 0, weigh_one, &g, err);
 exit:
     rx_two_counts_clear(&g.counts);
     free(g.rivals);
@@ -823,8 +824,8 @@ static rx_status store_pairs(const work *w, rx_tphot *dst, rx_error *err)
             for (size_t j = i + 1; j < m; j++)
                 dst->pairs[dst->npairs++] =
                     (rx_tphot_pair){member[i], member[j],
-                                    covariance[i * m + j] * w->subjects[member[i]].shape_error *
-                                        w->subjects[member[j]].shape_error};
+                                    covariance[i * m + j] * w->sources[member[i]].shape_error *
+                                        w->sources[member[j]].shape_error};
     }
     return RX_OK;
 }
@@ -847,7 +848,7 @@ static int by_flux(const void *one, const void *other)
 static rx_status isolate(work *w, int *modelled, rx_error *err)
 {
     const double cell = w->par->isolate;
-    const int nx = (int)(w->canvas.width / cell) + 1, ny = (int)(w->canvas.height / cell) + 1;
+    const int nx = (int)(w->image.width / cell) + 1, ny = (int)(w->image.height / cell) + 1;
     bright *list = RX_NEW(bright, w->n);
     int *last = RX_NEW(int, (size_t)nx *(size_t)ny), *next = RX_NEW(int, w->n), n = 0;
     rx_layer *layers = RX_NEW(rx_layer, w->n);
@@ -859,7 +860,7 @@ static rx_status isolate(work *w, int *modelled, rx_error *err)
         return rx_error_memory(err, (size_t)w->n * sizeof *list);
     }
     for (int i = 0; i < w->n; i++) {
-        const rx_fit_source *s = &w->subjects[i];
+        const rx_fit_source *s = &w->sources[i];
         layers[i] = (rx_layer){s->footprint, s->flux};
         if (s->flux > ISOLATED_SNR * sqrt(w->members[i].variance))
             list[n++] = (bright){s->x, s->y, s->flux, i};
@@ -868,7 +869,7 @@ static rx_status isolate(work *w, int *modelled, rx_error *err)
     for (int k = 0; k < n; k++) { /* the brightest first, each against those before it; lists end with 0 */
         const int cx = rx_min_int(rx_max_int((int)(list[k].x / cell), 0), nx - 1),
                   cy = rx_min_int(rx_max_int((int)(list[k].y / cell), 0), ny - 1);
-        int alone = w->subjects[list[k].i].kind == RX_TPHOT_POINT;
+        int alone = w->sources[list[k].i].kind == RX_TPHOT_POINT;
         for (int v = rx_max_int(cy - 1, 0); v <= rx_min_int(cy + 1, ny - 1); v++)
             for (int u = rx_max_int(cx - 1, 0); u <= rx_min_int(cx + 1, nx - 1); u++)
                 for (int j = last[v * nx + u]; j > 0 && alone; j = next[j - 1])
@@ -879,42 +880,41 @@ static rx_status isolate(work *w, int *modelled, rx_error *err)
             layers[list[k].i].flux = 0;
         *modelled -= alone;
     }
-    rx_fit_image_set(&w->canvas, layers, w->n);
+    rx_fit_image_set(&w->image, layers, w->n);
     free(list);
     free(last);
     free(next);
     return RX_OK;
 }
 
-typedef struct telling {
+typedef struct storing {
     work *w;
     rx_tphot *dst;
-} telling;
+} storing;
 
-static rx_status tell_one(void *user, int i, int thread, rx_error *err)
+static rx_status store_one(void *user, int i, int thread, rx_error *err)
 {
-    const telling *t = user;
+    const storing *t = user;
     const work *w = t->w;
     rx_tphot_source *s = &t->dst->list[i];
     (void)thread;
     (void)err;
     rx_source_without_fits(&s->point_fit, &s->sersic_fit);
     s->group = w->blends.group[i];
-    s->added = w->subjects[i].added;
-    s->crowded = in_crowd(w, &w->subjects[i]);
+    s->added = w->sources[i].added;
+    s->crowded = in_crowd(w, &w->sources[i]);
     s->blend = w->members[i].blend;
     s->flags = w->members[i].flags | (w->blends.cut[i] ? RX_TPHOT_GROUP_CUT : 0);
-    rx_fit_source_result(&w->canvas, w->input->sources->segments, &w->subjects[i], &w->members[i],
+    rx_fit_source_result(&w->image, w->input->sources->segments, &w->sources[i], &w->members[i],
                          w->backgrounds[s->group], s);
     /* light that the PSF has in the wrong place weighs more where less of the light is seen; where the core is hidden
      * (saturated stars) the flux is extrapolated from wings, and as wrong as these fit badly */
     const double seen = fmax(s->inside - s->masked, 1e-3);
     const rx_psf *psf = w->input->image.psf;
-    s->fluxerr =
-        hypot(s->fluxerr, rx_psf_flux_error(psf, w->subjects[i].x, w->subjects[i].y) * s->flux / seen);
+    s->fluxerr = hypot(s->fluxerr, rx_psf_flux_error(psf, w->sources[i].x, w->sources[i].y) * s->flux / seen);
     if ((s->flags & RX_TPHOT_MASKED) != 0)
         s->fluxerr *= sqrt(fmax(s->chi2, 1.0));
-    if (rx_footprint_peak(&w->subjects[i].footprint) * fabs(s->flux) > RUNAWAY * (double)w->canvas.brightest)
+    if (rx_footprint_peak(&w->sources[i].footprint) * fabs(s->flux) > RUNAWAY * (double)w->image.brightest)
         s->flags |= RX_TPHOT_SINGULAR;
     if ((s->flags & RX_TPHOT_NO_DATA) != 0)
         s->flux = s->fluxerr = s->snr = NAN;
@@ -930,33 +930,33 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
     dst->nlisted = w->input->sources->n;
     dst->ngroups = w->blends.ngroups;
     dst->largest = w->blends.largest;
-    dst->width = w->canvas.width;
-    dst->height = w->canvas.height;
+    dst->width = w->image.width;
+    dst->height = w->image.height;
     dst->sky = w->sky;
     dst->crowded = (double)w->crowd.n / rx_max_int(w->crowd.seen, 1);
     dst->galaxies = rx_crowding_galaxies(&w->crowd);
     dst->passes = w->passes;
     dst->modelled = w->n;
-    dst->least = (double)w->canvas.floor;
+    dst->least = (double)w->image.floor;
     dst->star_odds = exp(w->tile_prior.odds[0]);
     rx_window *windows = RX_NEW(rx_window, w->n);
     if (windows == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof *windows);
     for (int i = 0; i < w->n; i++)
-        windows[i] = rx_footprint_window(&w->subjects[i].footprint);
-    rx_status status = rx_windows_run(&w->canvas, windows, w->n, 0, tell_one, &(telling){w, dst}, err);
+        windows[i] = rx_footprint_window(&w->sources[i].footprint);
+    rx_status status = rx_windows_run(&w->image, windows, w->n, 0, store_one, &(storing){w, dst}, err);
     free(windows);
     if (status == RX_OK)
         status = rx_unseen_allow(&w->crowd, fmax(w->input->image.psf->fwhm, 1.0), dst->list, dst->n,
                                  &dst->unseen, err);
     if (status == RX_OK && w->par->point_fits)
-        status = rx_models_fit(&(rx_models_view){&w->canvas, w->lenses, w->n, w->subjects, w->members},
+        status = rx_models_fit(&(rx_models_view){&w->image, w->renderers, w->n, w->sources, w->members},
                                w->par->sersic_fits, dst->list, err);
     if (status == RX_OK && w->par->covariance)
         status = store_pairs(w, dst, err);
     if (status == RX_OK && w->par->isolate > 0)
         status = isolate(w, &dst->modelled, err);
-    return status == RX_OK ? rx_template_chi2(&w->canvas, w->par->keep_model, dst, err) : status;
+    return status == RX_OK ? rx_template_chi2(&w->image, w->par->keep_model, dst, err) : status;
 }
 
 rx_status rx_tphot_run(const rx_tphot_params *par, const rx_tphot_input *input, rx_tphot **dst, rx_error *err)

@@ -29,31 +29,31 @@ static void keep_row(const rx_fit_image *c, int y, rx_tphot *dst)
 }
 
 /* Rows are added up in their order. */
-rx_status rx_template_chi2(rx_fit_image *canvas, int keep, rx_tphot *dst, rx_error *err)
+rx_status rx_template_chi2(rx_fit_image *image, int keep, rx_tphot *dst, rx_error *err)
 {
-    const size_t pixels = (size_t)canvas->width * (size_t)canvas->height;
-    double(*rows)[2] = rx_alloc((size_t)canvas->height, sizeof *rows);
+    const size_t pixels = (size_t)image->width * (size_t)image->height;
+    double(*rows)[2] = rx_alloc((size_t)image->height, sizeof *rows);
     rx_status status = RX_OK;
     if (keep) {
         dst->model = RX_NEW(float, pixels);
         dst->residual = RX_NEW(float, pixels);
     }
     if (rows == NULL || (keep && (dst->model == NULL || dst->residual == NULL)))
-        status = rx_error_memory(err, (size_t)canvas->height * sizeof *rows + 2 * pixels * sizeof(float));
-    for (int from = 0, to; from < canvas->height && status == RX_OK; from = to) {
-        to = from + rx_fit_image_rows(canvas);
-        to = to < canvas->height ? to : canvas->height;
-        status = rx_fit_image_load_rows(canvas, from, to, err);
-#pragma omp parallel for schedule(static) num_threads(canvas->nthreads)
+        status = rx_error_memory(err, (size_t)image->height * sizeof *rows + 2 * pixels * sizeof(float));
+    for (int from = 0, to; from < image->height && status == RX_OK; from = to) {
+        to = from + rx_fit_image_rows(image);
+        to = to < image->height ? to : image->height;
+        status = rx_fit_image_load_rows(image, from, to, err);
+#pragma omp parallel for schedule(static) num_threads(image->nthreads)
         for (int y = from; y < to; y++) {
             if (status != RX_OK)
                 continue;
-            judge_row(canvas, y, rows[y]);
+            judge_row(image, y, rows[y]);
             if (keep)
-                keep_row(canvas, y, dst);
+                keep_row(image, y, dst);
         }
     }
-    for (int y = 0; y < canvas->height && status == RX_OK; y++) {
+    for (int y = 0; y < image->height && status == RX_OK; y++) {
         dst->chi2 += rows[y][0];
         dst->visible += rows[y][1];
     }

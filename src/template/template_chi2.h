@@ -7,6 +7,6 @@
 
 /* chi2 and visible of *dst, and with keep model and residual, too, which are planes of the whole image. The
  * same for any nthreads. Errors: RX_SYSTEM. */
-rx_status rx_template_chi2(rx_fit_image *canvas, int keep, rx_tphot *dst, rx_error *err);
+rx_status rx_template_chi2(rx_fit_image *image, int keep, rx_tphot *dst, rx_error *err);
 
 #endif

@@ -45,7 +45,7 @@ typedef struct looker {
 /* light[n] of the models in the pixels from (x, y) on. */
 static void light_of(const rx_template_residual *of, int y, int x, int n, float *light)
 {
-    const rx_fit_image *s = of->canvas;
+    const rx_fit_image *s = of->image;
     const size_t at = rx_fit_image_row(s, y) + (size_t)x;
     const float *pixels = of->pixels + (size_t)y * (size_t)s->width + (size_t)x;
     const float *level = rx_map_row(&of->level, y, x, n, light);
@@ -58,16 +58,16 @@ static void light_of(const rx_template_residual *of, int y, int x, int n, float 
 
 static float variance_of(const rx_template_residual *of, int x, int y, float light)
 {
-    const size_t k = rx_fit_image_row(of->canvas, y) + (size_t)x;
+    const size_t k = rx_fit_image_row(of->image, y) + (size_t)x;
     const float error = (float)(rx_crowding_at(of->crowd, x, y) ? of->crowd_error : of->model_error) * light;
     const float grain = (float)of->grain;
-    return grain * grain / of->canvas->weight[k] + error * error;
+    return grain * grain / of->image->weight[k] + error * error;
 }
 
-/* L of the pixel (x, y), around which the canvas is shown. */
+/* L of the pixel (x, y), around which the image is shown. */
 static double light_around(const rx_template_residual *of, int x, int y)
 {
-    const int width = of->canvas->width, height = of->canvas->height;
+    const int width = of->image->width, height = of->image->height;
     const int end = x + of->reach < width ? x + of->reach + 1 : width;
     float most = 0;
     for (int v = y > of->reach ? y - of->reach : 0; v <= y + of->reach && v < height; v++)
@@ -85,19 +85,19 @@ static rx_status look_at(void *user, int i, int thread, rx_error *err)
 {
     const looker *l = user;
     rx_template_residual_pixel *spot = &l->spots[i];
-    const size_t k = rx_fit_image_row(l->of->canvas, spot->y) + (size_t)spot->x;
+    const size_t k = rx_fit_image_row(l->of->image, spot->y) + (size_t)spot->x;
     (void)thread;
     (void)err;
     spot->light = light_around(l->of, spot->x, spot->y);
     spot->sigma = sqrt(variance_of(l->of, spot->x, spot->y, (float)spot->light));
-    spot->weight = l->of->canvas->weight[k];
+    spot->weight = l->of->image->weight[k];
     return RX_OK;
 }
 
 rx_status rx_template_residual_at(const rx_template_residual *of, rx_template_residual_pixel *spots, int n,
                                   rx_error *err)
 {
-    const int width = of->canvas->width, height = of->canvas->height, reach = of->reach;
+    const int width = of->image->width, height = of->image->height, reach = of->reach;
     looker user = {of, spots};
     rx_window *windows = RX_NEW(rx_window, (size_t)n);
     if (windows == NULL)
@@ -108,14 +108,14 @@ rx_status rx_template_residual_at(const rx_template_residual *of, rx_template_re
                                  x + reach < width ? x + reach + 1 : width,
                                  y + reach < height ? y + reach + 1 : height};
     }
-    const rx_status status = rx_windows_run(of->canvas, windows, n, 0, look_at, &user, err);
+    const rx_status status = rx_windows_run(of->image, windows, n, 0, look_at, &user, err);
     free(windows);
     return status;
 }
 
 static rx_status open_strip(const rx_template_residual *of, strip *s, rx_error *err)
 {
-    const size_t width = (size_t)of->canvas->width, rows = STRIP + (size_t)of->side;
+    const size_t width = (size_t)of->image->width, rows = STRIP + (size_t)of->side;
     const size_t lit = (rows + 2 * (size_t)of->reach) * width;
     *s = (strip){.of = of, .stride = width + 2 * (size_t)(of->side / 2)};
     s->residual = RX_NEW(float, rows * s->stride + TOGETHER);
@@ -142,7 +142,7 @@ static void close_strip(strip *s)
 
 static void fill_row(strip *s, int y, const float *most, size_t at)
 {
-    const rx_fit_image *state = s->of->canvas;
+    const rx_fit_image *state = s->of->image;
     const size_t width = (size_t)state->width, row = rx_fit_image_row(state, y);
     for (size_t x = 0; x < width; x++) {
         const bool open = state->weight[row + x] > 0;
@@ -157,7 +157,7 @@ static void fill_row(strip *s, int y, const float *most, size_t at)
 static void fill_strip(strip *s, int from, int to)
 {
     const rx_template_residual *of = s->of;
-    const int width = of->canvas->width, height = of->canvas->height, half = of->side / 2;
+    const int width = of->image->width, height = of->image->height, half = of->side / 2;
     const int low = from - half > 0 ? from - half : 0, high = to + half < height ? to + half : height;
     const int dark = low - of->reach > 0 ? low - of->reach : 0;
     const int bright = high + of->reach < height ? high + of->reach : height;
@@ -232,7 +232,7 @@ RX_SIMD static void find_least(strip *s, int x)
 RX_SIMD static void filter_piece(const strip *s, int y, int x, int count, const target *dst)
 {
     const rx_template_residual *of = s->of;
-    const size_t to = (size_t)(y - dst->first) * (size_t)of->canvas->width + (size_t)x;
+    const size_t to = (size_t)(y - dst->first) * (size_t)of->image->width + (size_t)x;
     float *filtered = dst->filtered + to, *noise = dst->noise + to, most = 0, least = s->least[y - s->top];
     uint8_t *mask = dst->mask + to;
     float sum[TOGETHER], square[TOGETHER] = {0}, norm[TOGETHER] = {0};
@@ -251,7 +251,7 @@ RX_SIMD static void filter_piece(const strip *s, int y, int x, int count, const 
                 add_row(s->open + at, count, fabsf(k), norm);
         }
     for (int m = 0; m < count; m++) {
-        mask[m] = !(of->canvas->weight[rx_fit_image_row(of->canvas, y) + (size_t)(x + m)] > 0);
+        mask[m] = !(of->image->weight[rx_fit_image_row(of->image, y) + (size_t)(x + m)] > 0);
         filtered[m] = mask[m] ? 0 : sum[m];
         noise[m] = mask[m] ? 0 : sqrtf(faint ? least : square[m] / (s->hidden ? norm[m] : 1));
     }
@@ -262,7 +262,7 @@ RX_SIMD static void filter_piece(const strip *s, int y, int x, int count, const 
 static rx_status filter_rows(const rx_template_residual *of, int from, int to, const target *dst,
                              rx_error *err)
 {
-    const int width = of->canvas->width, strips = (to - from + STRIP - 1) / STRIP;
+    const int width = of->image->width, strips = (to - from + STRIP - 1) / STRIP;
     rx_status failed = RX_OK;
 #pragma omp parallel num_threads(of->nthreads < 1 ? 1 : of->nthreads)
     {
@@ -297,14 +297,14 @@ static rx_status filter_rows(const rx_template_residual *of, int from, int to, c
 rx_status rx_template_residual_filter(const rx_template_residual *of, int from, int to, float *filtered,
                                       float *noise, uint8_t *mask, rx_error *err)
 {
-    const int height = of->canvas->height, around = of->side / 2 + of->reach;
-    const int room = rx_fit_image_rows(of->canvas) - 2 * around;
+    const int height = of->image->height, around = of->side / 2 + of->reach;
+    const int room = rx_fit_image_rows(of->image) - 2 * around;
     const int rows = room > STRIP ? room / STRIP * STRIP : STRIP;
     const target dst = {from, filtered, noise, mask};
     rx_status status = RX_OK;
     for (int y = from, end; y < to && status == RX_OK; y = end) {
-        end = y + rows < to && rx_fit_image_rows(of->canvas) < height ? y + rows : to;
-        status = rx_fit_image_load_rows(of->canvas, y > around ? y - around : 0,
+        end = y + rows < to && rx_fit_image_rows(of->image) < height ? y + rows : to;
+        status = rx_fit_image_load_rows(of->image, y > around ? y - around : 0,
                                         end + around < height ? end + around : height, err);
         if (status == RX_OK)
             status = filter_rows(of, y, end, &dst, err);

@@ -12,7 +12,7 @@
  * sigma^2 = grain^2 / weight + (model_error L)^2, L the largest light of the models, pixels - level - r and at
  * least 0, in the square of 2 reach + 1 pixels around, hidden pixels left out */
 typedef struct rx_template_residual {
-    rx_fit_image *canvas;
+    rx_fit_image *image;
     const float *pixels;      /* [height][width] ADU, of the tile */
     rx_map level;             /* ADU */
     int reach;                /* pixels */
@@ -37,7 +37,7 @@ rx_status rx_template_residual_filter(const rx_template_residual *of, int from, 
 typedef struct rx_template_residual_pixel {
     int x, y;            /* given */
     double light, sigma; /* found: L and sigma */
-    float weight;        /* of the canvas */
+    float weight;        /* of the image */
 } rx_template_residual_pixel;
 
 /* Errors: RX_SYSTEM, RX_INTERRUPTED. */

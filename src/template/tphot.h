@@ -113,7 +113,7 @@ struct rx_crowding;
 
 /* The residual as it is looked at. */
 typedef struct rx_tphot_search {
-    struct rx_fit_image *canvas;     /* data - model (fit_image.h), which the callee shows where it looks */
+    struct rx_fit_image *image;      /* data - model (fit_image.h), which the callee shows where it looks */
     const struct rx_crowding *crowd; /* where it is crowded (crowd.h) */
     int again;                       /* looks before this one: from the second on only there */
     const double (*at)[2];           /* [n] x, y of the sources as they are fitted now */

@@ -88,7 +88,7 @@ static int half_of(const rx_refine_view *view, const rx_fit_source *source)
 rx_window rx_two_window(const rx_refine_view *view, const rx_fit_source *source)
 {
     const int half = half_of(view, source), x = (int)lround(source->x), y = (int)lround(source->y);
-    const rx_fit_image *c = view->canvas;
+    const rx_fit_image *c = view->image;
     return (rx_window){x > half ? x - half : 0, y > half ? y - half : 0,
                        x + half < c->width ? x + half + 1 : c->width,
                        y + half < c->height ? y + half + 1 : c->height};
@@ -282,14 +282,14 @@ rx_status rx_two_odds(const rx_refine_params *par, const rx_refine_view *view, r
     source->two = NAN;
     if (!(source->flux > 0))
         return RX_OK;
-    const int x = rx_min_int(rx_max_int(cx, 0), view->canvas->width - 1),
-              y = rx_min_int(rx_max_int(cy, 0), view->canvas->height - 1);
+    const int x = rx_min_int(rx_max_int(cx, 0), view->image->width - 1),
+              y = rx_min_int(rx_max_int(cy, 0), view->image->height - 1);
     const double faint =
-        RX_REFINE_FAINT * sqrt((double)rx_fit_image_variance(view->canvas, x, y)) / source->flux;
+        RX_REFINE_FAINT * sqrt((double)rx_fit_image_variance(view->image, x, y)) / source->flux;
     RX_TRY(rx_template_otf_at(
         otf, rx_template_otf_side(otf, fmax(FAR * source->profile.radius, reach(view)), faint, 0), source->x,
         source->y, &j.size, err));
-    RX_TRY(rx_patch_cut(view->canvas, cx, cy, rx_min_int(half, j.size->n / 2 - reach(view) - 2), j.size->n,
+    RX_TRY(rx_patch_cut(view->image, cx, cy, rx_min_int(half, j.size->n / 2 - reach(view) - 2), j.size->n,
                         &j.patch, err));
     j.size->first = j.patch.corner - reach(view) - 1;
     j.size->last = j.patch.corner + j.patch.side + reach(view) + 1;

@@ -69,10 +69,10 @@ static rx_status take_batch(int nthreads, const int *order, int n, rx_window_job
     return failed;
 }
 
-rx_status rx_windows_run(rx_fit_image *canvas, const rx_window *windows, int n, int in_order,
+rx_status rx_windows_run(rx_fit_image *image, const rx_window *windows, int n, int in_order,
                          rx_window_job turn, void *user, rx_error *err)
 {
-    const int rows = rx_fit_image_rows(canvas);
+    const int rows = rx_fit_image_rows(image);
     int *order = RX_NEW(int, (size_t)n), *batch = RX_NEW(int, (size_t)n + 1), batches = 0;
     rx_status status = order == NULL || batch == NULL ? rx_error_memory(err, 2 * (size_t)n * sizeof *order)
                                                       : sort_windows(windows, n, in_order, order, err);
@@ -83,13 +83,13 @@ rx_status rx_windows_run(rx_fit_image *canvas, const rx_window *windows, int n, 
         batches++;
     }
     /* from the end that is in memory */
-    const int upwards = !in_order && canvas->top > 0;
+    const int upwards = !in_order && image->top > 0;
     for (int k = 0; k < batches && status == RX_OK; k++) {
         const int b = upwards ? batches - 1 - k : k, m = batch[b + 1] - batch[b];
         const int *own = order + batch[b];
-        status = rx_fit_image_load(canvas, windows, own, m, err);
+        status = rx_fit_image_load(image, windows, own, m, err);
         if (status == RX_OK && !in_order)
-            status = take_batch(canvas->nthreads, own, m, turn, user, err);
+            status = take_batch(image->nthreads, own, m, turn, user, err);
         for (int i = 0; in_order && i < m && status == RX_OK; i++)
             status = take_one(turn, user, i, own, 0, err);
     }

@@ -262,26 +262,26 @@ static void test_forced(void **state)
 /* The brightest pixel of the residual, once. */
 static rx_status look(void *user, const rx_tphot_search *at, double (**dst)[2], int *n, rx_error *err)
 {
-    rx_fit_image *canvas = at->canvas;
+    rx_fit_image *image = at->image;
     double most = -HUGE_VAL, sigma = 0;
     size_t best = 0;
     (*(int *)user)++;
-    for (int y = 0; y < canvas->height; y++) {
-        assert_int_equal(rx_fit_image_load_rows(canvas, y, y + 1, err), RX_OK);
-        for (int x = 0; x < canvas->width; x++) {
-            const size_t k = rx_fit_image_row(canvas, y) + (size_t)x;
-            if (!((double)canvas->data[k] - (double)canvas->model[k] > most))
+    for (int y = 0; y < image->height; y++) {
+        assert_int_equal(rx_fit_image_load_rows(image, y, y + 1, err), RX_OK);
+        for (int x = 0; x < image->width; x++) {
+            const size_t k = rx_fit_image_row(image, y) + (size_t)x;
+            if (!((double)image->data[k] - (double)image->model[k] > most))
                 continue;
-            most = (double)canvas->data[k] - (double)canvas->model[k];
-            sigma = 1 / sqrt((double)canvas->weight[k]);
-            best = (size_t)y * (size_t)canvas->width + (size_t)x;
+            most = (double)image->data[k] - (double)image->model[k];
+            sigma = 1 / sqrt((double)image->weight[k]);
+            best = (size_t)y * (size_t)image->width + (size_t)x;
         }
     }
     assert_true(most > 10 * sigma);
     *dst = rx_alloc(1, sizeof **dst);
     assert_non_null(*dst);
-    (*dst)[0][0] = (double)(best % (size_t)canvas->width);
-    (*dst)[0][1] = (double)(best / (size_t)canvas->width);
+    (*dst)[0][0] = (double)(best % (size_t)image->width);
+    (*dst)[0][1] = (double)(best / (size_t)image->width);
     *n = 1;
     return RX_OK;
 }

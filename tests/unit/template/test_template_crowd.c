@@ -182,7 +182,7 @@ static void test_least_noise(void **state)
     (void)state;
     for (int rounded = 0; rounded < 2; rounded++) {
         field f;
-        rx_fit_image canvas;
+        rx_fit_image image;
         rx_tphot *t = NULL;
         rx_tphot_params par = rx_tphot_defaults();
         field_open(&f, 128, 128, 4, 0.05, 2);
@@ -198,20 +198,20 @@ static void test_least_noise(void **state)
         field_list(&f, 57, 63, 4, 1.7, 1.7, 0);
         field_restore_none(&f);
         const rx_tphot_input input = field_input(&f);
-        rx_fit_image_open(&input, 128 * 128, 2, &canvas);
+        rx_fit_image_open(&input, 128 * 128, 2, &image);
         static float pair[128 * 127];
         for (int k = 0; k < 128 * 127; k++) {
             const float *both = &f.pixels[k / 127 * 128 + k % 127];
             pair[k] = fminf(both[0], both[1]);
         }
         qsort(pair, 128 * 127, sizeof *pair, falling);
-        const double bright = (double)pair[16], floor = rounded ? sqrt(1 / 12.0) : (double)canvas.floor;
-        assert_near(canvas.brightest, pair[0], 1e6);
-        assert_near(canvas.floor, floor, 1e-4 * floor);
+        const double bright = (double)pair[16], floor = rounded ? sqrt(1 / 12.0) : (double)image.floor;
+        assert_near(image.brightest, pair[0], 1e6);
+        assert_near(image.floor, floor, 1e-4 * floor);
         if (!rounded)
-            assert_near(canvas.floor, 1.8e-6 * bright, 0.22e-6 * bright);
-        assert_near(sqrt((double)rx_fit_image_variance(&canvas, 100, 100)), (double)canvas.floor, 1e-6);
-        rx_fit_image_clear(&canvas);
+            assert_near(image.floor, 1.8e-6 * bright, 0.22e-6 * bright);
+        assert_near(sqrt((double)rx_fit_image_variance(&image, 100, 100)), (double)image.floor, 1e-6);
+        rx_fit_image_clear(&image);
         for (int i = 0; i < 3; i++)
             f.mask[20 * 128 + 20 + i] = RX_MASK_BAD;
         par.crowding = RX_CROWDING_YES;

@@ -13,7 +13,7 @@
 #include "template/fit.h"
 
 typedef struct patch {
-    rx_template_otf *lens;
+    rx_template_otf *renderer;
     rx_template_domain *size;
     rx_patch patch;
     rx_psf *psf;

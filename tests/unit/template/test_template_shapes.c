@@ -57,14 +57,14 @@ static void test_rendering(void **state)
     static const double sigma = 2, dx = 0.3, dy = -0.4;
     const rx_spergel shape = {3, 0.2, -0.3, 0.5, NULL};
     rx_psf *psf = gauss(&sigma, 1);
-    rx_template_otf *lens = NULL;
+    rx_template_otf *renderer = NULL;
     rx_template_domain *size = NULL;
-    assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_side(lens, 5, 0, 0), 40); /* 25 + 4 + 2 * 5 = 39 */
-    assert_int_equal(rx_template_otf_side(lens, 5.1, 0, 0), 44);
-    assert_int_equal(rx_template_otf_side(lens, 13, 0, 0), 56);
-    assert_int_equal(rx_template_otf_at(lens, rx_template_otf_side(lens, 13, 0, 0), 0, 0, &size, NULL),
-                     RX_OK);
+    assert_int_equal(rx_template_otf_new(psf, NULL, &renderer, NULL), RX_OK);
+    assert_int_equal(rx_template_otf_side(renderer, 5, 0, 0), 40); /* 25 + 4 + 2 * 5 = 39 */
+    assert_int_equal(rx_template_otf_side(renderer, 5.1, 0, 0), 44);
+    assert_int_equal(rx_template_otf_side(renderer, 13, 0, 0), 56);
+    assert_int_equal(
+        rx_template_otf_at(renderer, rx_template_otf_side(renderer, 13, 0, 0), 0, 0, &size, NULL), RX_OK);
     const int n = size->n;
     const size_t stride = (size_t)rx_fft_stride_real(size->fft);
     for (int point = 0; point < 2; point++) {
@@ -91,7 +91,7 @@ static void test_rendering(void **state)
             assert_near(size->plane[0][(size_t)j * stride + (size_t)i], all[(size_t)j * stride + (size_t)i],
                         1e-8);
     free(all);
-    rx_template_otf_free(lens);
+    rx_template_otf_free(renderer);
     rx_psf_free(psf);
 }
 
@@ -148,18 +148,19 @@ static void test_narrow_star(void **state)
     for (int i = 0; i < 41 * 41; i++)
         sum += rx_moffat_pixel(&truth, i % 41 - 20, i / 41 - 20, NULL);
     for (int way = 0; way < 3; way++) { /* the star, almost the star, the star without samples */
-        rx_template_otf *lens = NULL;
+        rx_template_otf *renderer = NULL;
         if (way == 2) {
             free(psf->samples);
             psf->samples = NULL;
         }
-        assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
+        assert_int_equal(rx_template_otf_new(psf, NULL, &renderer, NULL), RX_OK);
         for (int k = 0; k < 9; k++) {
             const double dx = -0.45 + 0.3 * (k % 3), dy = 0.4 - 0.35 * (k / 3);
             const rx_spergel dot = {0.01, 0.0, 0.0, 0.5, NULL};
             rx_template_domain *size = NULL;
             assert_int_equal(
-                rx_template_otf_at(lens, rx_template_otf_side(lens, 1.0, 0, 0), 0, 0, &size, NULL), RX_OK);
+                rx_template_otf_at(renderer, rx_template_otf_side(renderer, 1.0, 0, 0), 0, 0, &size, NULL),
+                RX_OK);
             rx_template_domain_render(size, way == 1 ? &dot : NULL, dx, dy, NULL, 1);
             const int stride = rx_fft_stride_real(size->fft), middle = size->n / 2;
             for (int j = -12; j <= 12; j++)
@@ -168,7 +169,7 @@ static void test_narrow_star(void **state)
                         fmax(worst[way], fabs((double)size->plane[0][(middle + j) * stride + middle + i] -
                                               rx_moffat_pixel(&truth, i - dx, j - dy, NULL) / sum));
         }
-        rx_template_otf_free(lens);
+        rx_template_otf_free(renderer);
     }
     const double peak = (double)psf->basis[20 * 41 + 20];
     assert_near(worst[0] / peak, 0.0, 5e-4);
@@ -184,18 +185,19 @@ static void test_domain_of_patch(void **state)
     enum { HALF = 14 };
     const rx_spergel shape = {2.5, 0.3, 0.2, 0.5, NULL};
     rx_psf *psf = NULL;
-    rx_template_otf *lens = NULL;
+    rx_template_otf *renderer = NULL;
     rx_template_domain *size = NULL;
     float patch[(2 * HALF + 1) * (2 * HALF + 1)];
     double worst = 0.0;
     assert_int_equal(rx_psf_moffat(4.0, 4.765, 1.0, 0.0, 41, &psf, NULL), RX_OK);
-    assert_int_equal(rx_template_otf_new(psf, NULL, &lens, NULL), RX_OK);
-    const int sides[2] = {rx_template_otf_side(lens, 10, 0, 0), rx_template_otf_side(lens, 10, 0, HALF)};
-    assert_int_equal(sides[0], 72);                              /* 41 + 4 + 2 * 10 = 65 */
-    assert_int_equal(sides[1], 56);                              /* 14 + 10 + 4 + 21 = 49 */
-    assert_int_equal(rx_template_otf_side(lens, 10, 0, 40), 72); /* never larger */
+    assert_int_equal(rx_template_otf_new(psf, NULL, &renderer, NULL), RX_OK);
+    const int sides[2] = {rx_template_otf_side(renderer, 10, 0, 0),
+                          rx_template_otf_side(renderer, 10, 0, HALF)};
+    assert_int_equal(sides[0], 72);                                  /* 41 + 4 + 2 * 10 = 65 */
+    assert_int_equal(sides[1], 56);                                  /* 14 + 10 + 4 + 21 = 49 */
+    assert_int_equal(rx_template_otf_side(renderer, 10, 0, 40), 72); /* never larger */
     for (int k = 0; k < 2; k++) {
-        assert_int_equal(rx_template_otf_at(lens, sides[k], 0, 0, &size, NULL), RX_OK);
+        assert_int_equal(rx_template_otf_at(renderer, sides[k], 0, 0, &size, NULL), RX_OK);
         rx_template_domain_render(size, &shape, 0.3, -0.4, NULL, 1);
         const int stride = rx_fft_stride_real(size->fft), low = size->n / 2 - HALF;
         for (int i = 0; i < (2 * HALF + 1) * (2 * HALF + 1); i++) {
@@ -207,7 +209,7 @@ static void test_domain_of_patch(void **state)
     }
     const double peak = (double)patch[HALF * (2 * HALF + 1) + HALF];
     assert_near(worst / peak, 0.0, 1e-5);
-    rx_template_otf_free(lens);
+    rx_template_otf_free(renderer);
     rx_psf_free(psf);
 }
 
