@@ -42,6 +42,7 @@ typedef struct rx_fit_source {
     double pair[2][3]; /* flux, x, y of both, the brighter one first */
     int still;         /* nothing has changed around it since it was fitted */
     int movable;       /* position and shape are fitted */
+    int positive;      /* its flux was found far below 0 beside others: it is held at 0 or above */
     /* from the source list; segment 0: not listed */
     int untouched; /* found on untouched pixels, not on restored ones */
     int32_t segment;

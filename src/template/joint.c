@@ -218,13 +218,13 @@ static rx_status list_columns(const rx_fit_image *image, int n, rx_joint_member 
 }
 
 /* Of the unknown i: sum w T (d - M), and the matrix up to its diagonal and for the background. */
-static void fill_column(const rx_joint_params *par, const rx_fit_image *image, size_t i, equations *e)
+static void fill_column(const rx_fit_image *image, const rx_joint_member *m, size_t i, equations *e)
 {
     const size_t last = e->ncolumns, size = e->n;
     const column *c = &e->columns[i];
     double weight;
     project(c->footprint, image, &weight, &e->b[i]);
-    e->bounded[i] = par->non_negative && c->what == 0;
+    e->bounded[i] = m[c->member].positive && c->what == 0;
     for (size_t j = 0; j <= i; j++)
         e->a[i * size + j] = e->a[j * size + i] =
             c->what == 0 && j == i ? c->power
@@ -242,10 +242,10 @@ static rx_status fill(const rx_joint_params *par, const rx_fit_image *image, int
     if (par->nthreads > 1 && last >= MANY) {
 #pragma omp parallel for schedule(dynamic) num_threads(par->nthreads)
         for (size_t i = 0; i < last; i++)
-            fill_column(par, image, last - 1 - i, e); /* long ones first */
+            fill_column(image, m, last - 1 - i, e); /* long ones first */
     } else {
         for (size_t i = 0; i < last; i++)
-            fill_column(par, image, i, e);
+            fill_column(image, m, i, e);
     }
     for (size_t i = 0; i < size; i++)
         for (size_t j = 0; j < e->nflux; j++)
@@ -391,8 +391,9 @@ rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *image, in
                        double *background, double *covariance, rx_error *err)
 {
     equations e = {0};
-    int singular = 0;
+    int singular = 0, positive = 0;
     for (int i = 0; i < n; i++) {
+        positive |= members[i].positive;
         members[i].flux = members[i].variance = members[i].alone = NAN;
         members[i].blend = members[i].shift[0] = members[i].shift[1] = 0;
     }
@@ -403,7 +404,7 @@ rx_status rx_joint_fit(const rx_joint_params *par, const rx_fit_image *image, in
     if (status == RX_OK && e.n > 0)
         status = fill(par, image, n, members, &e, err);
     if (status == RX_OK && e.n > 0)
-        status = par->non_negative
+        status = positive
                      ? rx_normal_nonnegative(&(rx_normal_bounded){e.n, e.a, e.b, e.bounded}, e.x,
                                              e.covariance, e.held, &singular, err)
                      : rx_normal_solve(e.a, e.b, e.n, e.x, par->errors ? e.covariance : NULL, &singular, err);

@@ -7,9 +7,8 @@
 
 typedef struct rx_joint_params {
     double background_sigma; /* of the prior, in sigmas of a pixel; 0: none fitted */
-    int non_negative;
-    int errors;   /* variances, covariances and blends are asked for, not only fluxes and shifts */
-    int nthreads; /* for the equations of one group; < 1 counts as 1 */
+    int errors;              /* variances, covariances and blends are asked for, not only fluxes and shifts */
+    int nthreads;            /* for the equations of one group; < 1 counts as 1 */
 } rx_joint_params;
 
 /* One member, given and found. */
@@ -17,6 +16,7 @@ typedef struct rx_joint_member {
     const rx_footprint *footprint;
     double before; /* flux that image->model holds of it */
     double grain;  /* noise of its flux over that of independent pixels; 1 for those */
+    int positive;  /* its flux is not below 0 */
     /* Its position may move, linearly: T(p - shift) = T - shift dT/dp. Prior: shift = centre +- width pixels;
      * width 0: it stays. Asked for where neighbours overlap: what a wrong position of one leaves is light
      * that the others take. */

@@ -31,7 +31,9 @@ static const double SMALL = 1e-4; /* pixels: no source moves for less */
 static const double MOST = 2.0,
                     MOST_NOISE = 10.0; /* times light and noise of its pixels: no source is brighter */
 static const double RUNAWAY =
-    1e3;                  /* times the brightest light that is seen no star is, not even a saturated one */
+    1e3; /* times the brightest light that is seen no star is, not even a saturated one */
+/* Sigmas below 0 that no flux of a source is: beside others it would only take back what they have too much. */
+static const double IMPOSSIBLE = 3;
 enum { SHIFTS = 2 };      /* joint moves of the positions in groups after each fit */
 enum { CROWD_CELL = 64 }; /* pixels: cells of sky and noise in a crowd */
 /* FWHM: so far at least the neighbours of what comes and goes in a crowd are fitted again; passes before what has gone may not
@@ -287,7 +289,7 @@ static double within_light(const work *w, const rx_fit_source *s, double flux, i
 static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
 {
     const double fwhm = fmax(w->input->image.psf->fwhm, 1.0);
-    const rx_joint_params par = {w->par->background_sigma, w->par->non_negative, w->errors, nthreads};
+    const rx_joint_params par = {w->par->background_sigma, w->errors, nthreads};
     const int first = w->blends.start[group], m = w->blends.start[group + 1] - first;
     const int movable = m > 1 && w->par->rounds > 0;
     double *covariance = w->errors && w->covariances != NULL ? w->covariances + w->place[group] : NULL;
@@ -299,12 +301,15 @@ static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
         members[i] = (rx_joint_member){.footprint = &s->footprint,
                                        .before = s->flux,
                                        .grain = s->grain,
+                                       .positive = s->positive,
                                        .shift_width = movable && s->movable ? rx_refine_reach(fwhm) : 0,
                                        .shift_centre = {s->x0 - s->x, s->y0 - s->y}};
     }
     rx_status status = rx_joint_fit(&par, &w->image, m, members, &w->backgrounds[group], covariance, err);
     for (int i = 0; i < m && status == RX_OK; i++) {
         const int k = w->blends.member[first + i];
+        w->sources[k].positive |= movable && w->sources[k].movable && w->errors &&
+                                  members[i].flux < -IMPOSSIBLE * sqrt(members[i].variance);
         members[i].flux = within_light(w, &w->sources[k], members[i].flux, &members[i].flags);
         w->members[k] = members[i];
     }

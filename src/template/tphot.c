@@ -15,7 +15,6 @@ rx_tphot_params rx_tphot_defaults(void)
                              .background_sigma = 0.02,
                              .sky_cell = 128,
                              .psf_error = 0.01,
-                             .non_negative = 0,
                              .passes = 2,
                              .crowding = RX_CROWDING_AUTO,
                              .least = 4.0,

@@ -27,7 +27,6 @@ typedef struct rx_tphot_params {
                      0: the level is right */
     double psf_error; /* relative error of a pixel of a template, that of the PSF: bright stars are not judged
                          by more than the PSF is known to (Stetson 1987, PASP 99, 191: "profile error") */
-    int non_negative; /* no flux below 0 */
     int passes; /* fits of everything at most, each but the first after a look at the residual; 2 where it is not crowded */
     int crowding;     /* RX_CROWDING_ */
     double least;     /* S/N below which what was added in a crowd is dropped */
