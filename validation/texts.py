@@ -713,7 +713,8 @@ def crowded():
         return " / ".join(f"{row[by]['at95']:.2f}" if by in row else "-" for by in programs)
     densities = [d for d in ("500", "2000", "8000", "20000") if any(name.startswith(d + "-") for name in cells)]
     kinds = [k for k in ("2.5", "4", "6", "4G", "4V", "4VG") if any(f"{d}-{k}" in cells for d in densities)]
-    text = (paragraph(f"""Seed {found["seed"]}: stars of S/N 5 to 3000, beside IRAF's ALLSTAR in two passes, its PSF and
+    peer = f" (ALLSTAR's tiles of seed {found['allstar']}, drawn in the same way)" if "allstar" in found else ""
+    text = (paragraph(f"""Seed {found["seed"]}{peer}: stars of S/N 5 to 3000, beside IRAF's ALLSTAR in two passes, its PSF and
         parameters chosen for it ([all columns and bins](../validation/results/crowded/crowded.md)). Recall at precision 0.95,
         NONE / NET / ALLSTAR, by stars per Mpixel and FWHM (G: a fifth are galaxies, V: the PSF varies):""") + "\n" +
             table(["", *kinds], [[d] + [at95(f"{d}-{k}") for k in kinds] for d in densities]) + "\n" +
