@@ -38,6 +38,7 @@ typedef struct search {
     const rx_tphot_search *look;
     rx_template_residual leftover;
     double norm; /* of the filter: S/N in it is that times its peak's over the noise of a pixel */
+    double peak; /* of a source of S/N 1, in units of the noise of a pixel */
     double threshold;
     int ntaken;
     place *taken;             /* [ntaken] by y */
@@ -125,11 +126,14 @@ static rx_status mark_saturated(const rx_template_extra *extra, unsigned char **
     return RX_OK;
 }
 
-static int in_a_saturated_star(const search *of, const rx_source *s)
+/* Is it no more than such an error, in the light of a star that is cut off? In a cluster the segment of one holds others, too. */
+static int is_of_a_saturated_star(const search *of, const rx_source *s,
+                                  const rx_template_residual_pixel *spot)
 {
     const rx_sources *sources = of->extra->sources;
     const int32_t segment = sources->segments[(size_t)s->ypeak * (size_t)sources->width + (size_t)s->xpeak];
-    return segment > 0 && of->saturated[segment - 1];
+    const double height = s->detection_snr / of->norm * of->peak * spot->sigma;
+    return segment > 0 && of->saturated[segment - 1] && height < spot->light;
 }
 
 /* Is it one that is looked for: in a crowd all that is significant, elsewhere, in the first look, what models hide? */
@@ -165,7 +169,7 @@ static rx_status choose(const search *of, int from, int to, rx_sources *found, r
         rx_source *s = &found->list[i];
         keep[i] = s->ymax >= from && s->ymax < to && s->x >= margin && s->y >= margin &&
                   s->x <= width - 1 - margin && s->y <= height - 1 - margin && wanted(of, s, &spots[i]) &&
-                  !in_a_saturated_star(of, s);
+                  !is_of_a_saturated_star(of, s, &spots[i]);
         s->analysis_threshold = of->threshold * spots[i].sigma;
     }
     status = rx_sources_select(found, keep, err);
@@ -333,7 +337,7 @@ rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double
     float *stamp = matched_filter(extra->psf, image->width, image->height, &side);
     if (stamp == NULL)
         return rx_error_memory(err, 0);
-    const double norm = rx_filter_norm(stamp, side * side);
+    const double norm = rx_filter_norm(stamp, side * side), peak = (double)stamp[side / 2 * side + side / 2];
     const double threshold =
         norm * (look->crowd->n > 0 ? fmin(extra->threshold, extra->crowd_threshold) : extra->threshold);
     const double grain = rx_noise_factor(image->correlation, stamp, side, side);
@@ -345,6 +349,7 @@ rx_status rx_template_extra_find(void *user, const rx_tphot_search *look, double
     search of = {.extra = extra,
                  .look = look,
                  .norm = norm,
+                 .peak = peak / norm,
                  .leftover = {.image = image,
                               .pixels = extra->pixels,
                               .level = extra->level,
