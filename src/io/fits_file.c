@@ -280,11 +280,11 @@ static rx_status parse_groups(const char *name, const char *brackets, rx_fits_na
     }
     return RX_OK;
 malformed:
-    return rx_error_at(err, RX_INPUT, name, -1, 0,
-                       "cannot use '%s'; give [number], [NAME] or [NAME,version], then perhaps a section "
-                       "[x1:x2,y1:y2] with x1 <= x2 and y1 <= y2, counted from 1, of a cube with a plane "
-                       "[x1:x2,y1:y2,k]",
-                       brackets);
+    return rx_error_at(
+        err, RX_INPUT, name, -1, 0,
+        "cannot use '%s'; give [number], [NAME] or [NAME,version], then perhaps a section [x1:x2,y1:y2] with "
+        "x1 <= x2 and y1 <= y2, counted from 1, of a cube with a plane [x1:x2,y1:y2,k]",
+        brackets);
 }
 
 rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err)
@@ -419,11 +419,10 @@ static rx_status check_compressed(const rx_fits_source *source, const rx_fits_sh
     /* PLIO makes 2000 pixels of one byte, gzip 1000, Rice fewer; HCOMPRESS any number, but only of one value
      */
     if (failed || tiles != rows || pixels > 1e4 * (double)(bytes + 2880))
-        return rx_error_at(
-            err, RX_INPUT, source->path, source->hdu, 0,
-            "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; the "
-            "file is damaged, fetch it again",
-            shape->axes[0], shape->axes[1], rows, bytes);
+        return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
+                           "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; "
+                           "the file is damaged, fetch it again",
+                           shape->axes[0], shape->axes[1], rows, bytes);
     return RX_OK;
 }
 

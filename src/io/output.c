@@ -166,9 +166,8 @@ static void sweep(const char *path, const char *stem)
  * Which folders a run may replace: those that hold what a run wrote there, and nothing else. The marker, a file
  * `.rextract` in the folder, lists its files with their digests. */
 static const char MARKER[] = ".rextract";
-static const char HEAD[] =
-    "Made by rextract: the next run replaces this folder as long as it holds these files "
-    "alone, as they were written.\n";
+static const char HEAD[] = "Made by rextract: the next run replaces this folder as long as it holds these "
+                           "files alone, as they were written.\n";
 enum { MOST_BYTES = 1 << 24 };
 
 /* What is in a folder: a line "digest name" of each file, "folder name" of each folder. */
@@ -297,9 +296,8 @@ static rx_status read_marker(const char *folder, char **text, int *there, rx_err
  * are missing do not matter. Else RX_USAGE, which names the first that is not; links are not followed. */
 static rx_status check_marker(const char *folder, const char *shown, rx_error *err)
 {
-    static const char remedy[] =
-        "so that it is not replaced; give another name, or move what you need elsewhere and "
-        "remove the folder";
+    static const char remedy[] = "so that it is not replaced; give another name, or move what you need "
+                                 "elsewhere and remove the folder";
     listing l = {.folder = folder};
     rx_error trouble = rx_error_part(err);
     char *marker = NULL;
@@ -311,10 +309,10 @@ static rx_status check_marker(const char *folder, const char *shown, rx_error *e
     if (status == RX_OK && l.odd.failed)
         status = rx_error_memory(err, 0);
     else if (status == RX_OK && there && marker[0] == '\0')
-        status = rx_error_at(err, RX_USAGE, shown, -1, 0,
-                             "its %s does not list the files that a run wrote (it is damaged, or of an older "
-                             "version), %s",
-                             MARKER, remedy);
+        status = rx_error_at(
+            err, RX_USAGE, shown, -1, 0,
+            "its %s does not list the files that a run wrote (it is damaged, or of an older version), %s",
+            MARKER, remedy);
     else if (status == RX_OK && l.odd.length > 0)
         status =
             there ? rx_error_at(err, RX_USAGE, shown, -1, 0,

@@ -385,11 +385,10 @@ static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx
     rx_table *table = NULL;
     rx_status status;
     if (psf == NULL)
-        rx_log_warning(
-            data->log,
-            "%s[%d]: no PSF is known: CHECKIMAGE_TYPE PSF holds NaN for it, as psfex writes it, and "
-            "cannot be read as a PSF; give PSF_FWHM or a PSF file",
-            tile->name, tile->hdu);
+        rx_log_warning(data->log,
+                       "%s[%d]: no PSF is known: CHECKIMAGE_TYPE PSF holds NaN for it, as psfex writes it, "
+                       "and cannot be read as a PSF; give PSF_FWHM or a PSF file",
+                       tile->name, tile->hdu);
     RX_TRY_EXIT(rx_psf_psfex_table(psf, &table, &cards, err));
     rx_fits_digest_table(table, digest);
     RX_TRY_EXIT(make_cards(image, data, digest, &cards, err));

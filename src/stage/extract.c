@@ -97,19 +97,17 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
     run->invented_per_mpixel = fit->per_mpixel;
     if (!run->tested)
         return;
-    snprintf(
-        text, sizeof text,
-        "templates: %d sources in %d groups (largest %d), %d of them added from the residual; %d (%.3g per "
-        "Mpixel) not significant in the untouched pixels%s; residual chi2 %.3f",
-        fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented, fit->per_mpixel,
-        fit->dropped > 0 ? ", dropped" : "", fit->chi2);
+    snprintf(text, sizeof text,
+             "templates: %d sources in %d groups (largest %d), %d of them added from the residual; %d (%.3g "
+             "per Mpixel) not significant in the untouched pixels%s; residual chi2 %.3f",
+             fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented,
+             fit->per_mpixel, fit->dropped > 0 ? ", dropped" : "", fit->chi2);
     rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
     if (rx_spurious_are_many(fit->invented, w->result.sources->n + fit->dropped))
-        rx_log_warning(
-            log,
-            "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, PSF "
-            "and GAIN those of these pixels? If so, raise DETECT_THRESH",
-            tile->name, tile->hdu, run->label, fit->invented, w->result.sources->n + fit->dropped);
+        rx_log_warning(log,
+                       "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, "
+                       "PSF and GAIN those of these pixels? If so, raise DETECT_THRESH",
+                       tile->name, tile->hdu, run->label, fit->invented, w->result.sources->n + fit->dropped);
     add_account(run, text);
 }
 
@@ -223,8 +221,7 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
     if (status == RX_OK && blank->realisations > 0)
         rx_log_info(log,
                     "%s[%d]: %s: blank check: %.3g false detections per Mpixel (%.3g to %.3g at 95 %%, from "
-                    "%ld in %.2g "
-                    "Mpixel of noise)",
+                    "%ld in %.2g Mpixel of noise)",
                     tile->name, tile->hdu, run->label, blank->rate.value, blank->rate.low, blank->rate.high,
                     blank->false_detections, blank->mpixels);
     if (status == RX_OK && text.length > 0) {
@@ -399,13 +396,11 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
         warn_of_misfit(runs, n, (rx_misfit)cause, tile, log);
     for (int i = 0; i < n; i++)
         if (runs[i].is_dark)
-            rx_log_warning(
-                log,
-                "%s[%d]: %s: %.0f %% of the tile's boxes of 32 pixels lie below the sky, which the network "
-                "was "
-                "not trained for (RXDARK; sources there have FLAGS_RESTORE 64): is its sky right, are there "
-                "dark clouds?",
-                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].misfit.dark);
+            rx_log_warning(log,
+                           "%s[%d]: %s: %.0f %% of the tile's boxes of 32 pixels lie below the sky, which "
+                           "the network was not trained for (RXDARK; sources there have FLAGS_RESTORE 64): "
+                           "is its sky right, are there dark clouds?",
+                           tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].misfit.dark);
     for (int i = 0; i < n; i++)
         if (runs[i].by != NULL)
             rx_log_warning(log, "%s[%d]: %s: done by %s, %s", tile->name, tile->hdu, runs[i].kind->name,

@@ -116,10 +116,9 @@ static rx_status check(const rx_model *model, const rx_step_params *par, int sid
     if (side < 4)
         return rx_error_set(err, RX_USAGE, "training images of %d pixels; give 4 or more", side);
     if (uses_psf && model->psf == NULL)
-        return rx_error_set(
-            err, RX_USAGE,
-            "this loss needs the PSF network, which the model does not have; set LOSS_IDT_PSF, "
-            "LOSS_REC and LOSS_REC_PSF to 0");
+        return rx_error_set(err, RX_USAGE,
+                            "this loss needs the PSF network, which the model does not have; set "
+                            "LOSS_IDT_PSF, LOSS_REC and LOSS_REC_PSF to 0");
     if (model->front.rl_steps < 0 || model->front.rl_steps > RX_FRONT_STEPS)
         return rx_error_set(err, RX_USAGE, "training through %d Richardson-Lucy steps; give 0 to %d",
                             model->front.rl_steps, (int)RX_FRONT_STEPS);

@@ -87,10 +87,8 @@ static const chart CHARTS[] = {
     {"curve-loss",
      "Loss",
      "Means of an epoch. Training: weighted sum of all terms. Test: RESTORE(blurred) against sharp, mean "
-     "over the "
-     "bins; unrestored: the blurred test images themselves. Validation: as test, on the same images in every "
-     "epoch; "
-     "the lowest is the model.",
+     "over the bins; unrestored: the blurred test images themselves. Validation: as test, on the same images "
+     "in every epoch; the lowest is the model.",
      {{"training", offsetof(rx_epoch, losses.total)},
       {"test", offsetof(rx_epoch, test_loss)},
       {"test unrestored", offsetof(rx_epoch, input_loss)},
@@ -98,8 +96,7 @@ static const chart CHARTS[] = {
     {"curve-stars",
      "Test stars",
      "Recall: share of those of S/N above 5 with a peak above 1.7 sky sigmas within 1.5 pixels. Fluxes: "
-     "isolated stars "
-     "of S/N above 12, sum within 2 FWHM of the target PSF, relative to the truth's.",
+     "isolated stars of S/N above 12, sum within 2 FWHM of the target PSF, relative to the truth's.",
      {{"recall", offsetof(rx_epoch, recall)},
       {"error of fluxes", offsetof(rx_epoch, bias)},
       {"scatter of fluxes", offsetof(rx_epoch, scatter)}}},
@@ -181,8 +178,8 @@ rx_status rx_train_page_write(const rx_train_state *state, const rx_model *model
     rx_report_show(report, add_log(report, h),
                    RX_VIEW(.from = h->n > EPOCHS_SHOWN ? h->n - EPOCHS_SHOWN : 0, .to = h->n,
                            .ncolumns = RX_LENGTH(columns), .columns = columns));
-    rx_report_note(report, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
-                           "dictionary.ecsv.");
+    rx_report_note(report,
+                   "All epochs with all terms are in log.ecsv, every bin of every epoch in dictionary.ecsv.");
     rx_report_section(report, "dictionary", "Dictionary of the last epoch");
     rx_report_show(report, add_dictionary(report, h, &state->selection),
                    RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = RX_LENGTH(bins), .columns = bins));
