@@ -44,6 +44,11 @@ rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hd
                        last[0] != '\0' ? ")" : "");
 }
 
+rx_status rx_fits_check(const rx_fits_source *source, int status, const char *what, rx_error *err)
+{
+    return status != 0 ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, status, what) : RX_OK;
+}
+
 /* By the name that cfitsio has to be given. */
 static rx_status open_literal(const char *literal, const char *path, rx_fits_source *dst, rx_error *err)
 {
@@ -172,7 +177,7 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
     if (status == RX_OK)
         status = rx_fits_walk_open(dst->file, path, &failed, err);
     if (failed)
-        status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read");
+        status = rx_fits_check(dst, failed, "cannot be read", err);
     if (status != RX_OK)
         rx_fits_done(dst);
     return status;
@@ -325,9 +330,7 @@ rx_status rx_fits_goto(rx_fits_source *source, int hdu, rx_error *err)
         return rx_error_at(err, RX_INPUT, path, hdu, 0,
                            "there is no such HDU; the file has %d, counted from 0", count);
     }
-    if (failed)
-        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
-    return RX_OK;
+    return rx_fits_check(source, failed, "this HDU cannot be read", err);
 }
 
 rx_status rx_fits_goto_name(rx_fits_source *source, const rx_fits_name *name, rx_error *err)
@@ -371,9 +374,7 @@ rx_status rx_fits_shape_of(const rx_fits_source *source, rx_fits_shape *dst, rx_
     dst->is_image = !failed && (type == IMAGE_HDU || dst->is_compressed);
     if (dst->is_image)
         fits_get_img_paramll(file, RX_FITS_AXES, &dst->bitpix, &dst->naxis, dst->axes, &failed);
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "this HDU cannot be read")
-               : RX_OK;
+    return rx_fits_check(source, failed, "this HDU cannot be read", err);
 }
 
 int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
@@ -456,8 +457,7 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const rx_fits_shape *
     LONGLONG start = 0, end = 0, axes[2] = {0, 0}, heap = 0;
     int failed = 0, absent = 0;
     fits_get_hduaddrll(file, NULL, &start, &end, &failed);
-    if (failed)
-        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "this HDU cannot be read");
+    RX_TRY(rx_fits_check(source, failed, "this HDU cannot be read", err));
     double bytes = 0;
     if (shape->is_image && !shape->is_compressed) {
         bytes = abs(shape->bitpix) / 8.;
@@ -516,9 +516,7 @@ rx_status rx_fits_read_rows(const rx_fits_source *source, const rx_fits_section 
     }
     fits_read_subset(source->file, null != NULL ? TDOUBLE : TFLOAT, low, high, step,
                      null != NULL ? &none : NULL, dst, &anynul, &failed);
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "the pixels cannot be read")
-               : RX_OK;
+    return rx_fits_check(source, failed, "the pixels cannot be read", err);
 }
 
 /* Are the pixels floats that need no arithmetic? */
@@ -696,9 +694,7 @@ rx_status rx_fits_read_cards(const rx_fits_source *source, char **cards, size_t 
         if (fits_read_record(source->file, i, card, &failed) == 0)
             add_as_read(&text, card);
     }
-    if (failed)
-        RX_TRY_EXIT(
-            rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "the header cannot be read"));
+    RX_TRY_EXIT(rx_fits_check(source, failed, "the header cannot be read", err));
     if (compressed)
         image_cards(&text, &image);
     rx_text *wanted = compressed ? &image : &text;

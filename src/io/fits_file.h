@@ -109,4 +109,7 @@ rx_status rx_fits_read_cards(const rx_fits_source *source, char **cards, size_t 
 rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
                          const char *what);
 
+/* The same of the current HDU where cfitsio failed; RX_OK where its status is 0. */
+rx_status rx_fits_check(const rx_fits_source *source, int status, const char *what, rx_error *err);
+
 #endif
