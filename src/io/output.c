@@ -68,24 +68,18 @@ static int is_named(int file, const char *name)
            held.st_ino == found.st_ino && held.st_uid == geteuid();
 }
 
-/* Hold the lock of what has just been made: between that and flock() another process may take it for an abandoned one and
- * remove it; then it is closed, and 0. */
-static int is_held(int file, const char *name)
-{
-    const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
-    if (locked ? is_named(file, name) : errno != EWOULDBLOCK)
-        return 1;
-    close(file);
-    return 0;
-}
-
 /* Make `lock` and hold its lock. Returns the descriptor, or -1 with errno: EEXIST when another has it. */
 static int take_lock(const char *lock)
 {
     for (int tries = 0; tries < 100; tries++) {
         const int file = open(lock, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (file < 0 || is_held(file, lock))
+        if (file < 0)
             return file;
+        /* before flock() another process may have taken it for an abandoned one and removed it */
+        const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
+        if (locked ? is_named(file, lock) : errno != EWOULDBLOCK)
+            return file;
+        close(file);
     }
     errno = EBUSY;
     return -1;

@@ -1,7 +1,6 @@
 /* A model in words. */
 #include <inttypes.h>
 #include <math.h>
-#include <stdio.h>
 
 #include "nn/model.h"
 

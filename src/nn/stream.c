@@ -302,12 +302,6 @@ static rx_direct_area area_of(const rx_stream *s, int i, int first, int height)
     return a;
 }
 
-/* The same in a plane of half the size. */
-static rx_direct_area half_area(rx_direct_area a)
-{
-    return (rx_direct_area){a.left / 2, half_up(a.right), a.first / 2, half_up(a.last)};
-}
-
 static double flops_of(const rx_stream *s, int i, rx_direct_area area)
 {
     const rx_node *n = &s->net->node[i];
@@ -384,12 +378,13 @@ rx_status rx_stream_run(rx_stream *stream, int height, const rx_stream_ends *end
             const int first = t * stream->band[i].rows - stream->band[i].delay;
             if (t > 0)
                 move_on(&stream->band[i]);
-            const int folds = rx_node_folds(&stream->net->node[i]);
             const rx_direct_area area = area_of(stream, i, first, height);
             if (area.first >= area.last)
                 continue;
+            const rx_direct_area half = {area.left / 2, half_up(area.right), area.first / 2,
+                                         half_up(area.last)};
             if (i > 0)
-                step_node(stream, i, folds ? half_area(area) : area);
+                step_node(stream, i, rx_node_folds(&stream->net->node[i]) ? half : area);
             else
                 ends->give(ends->user, first - stream->halo, stream->step, plane_at(stream, 0, 0).data);
         }

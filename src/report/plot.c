@@ -1,6 +1,5 @@
 /* The common kinds of plots: curves, boxes, grey-scale pictures, numbers in colour. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

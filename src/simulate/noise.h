@@ -5,8 +5,6 @@
 
 #include <stdint.h>
 
-#include "base/error.h"
-
 typedef enum rx_noise_type { RX_NOISE_NONE, RX_NOISE_GAUSS, RX_NOISE_CCD } rx_noise_type;
 
 typedef struct rx_noise_params {

@@ -2,7 +2,6 @@
  * than one keyword, on columns or on files. */
 #include "stage/options.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
