@@ -412,9 +412,8 @@ static rx_status write_text_block(fitsfile *file, int number, const rx_column *c
                                   int *failed, rx_error *err)
 {
     long n = rx_column_elements(column);
-    char **list = RX_NEW(char *, (size_t)(rows * n));
-    if (list == NULL)
-        return rx_error_memory(err, (size_t)(rows * n) * sizeof *list);
+    char **list;
+    RX_TRY(RX_MAKE(list, (size_t)(rows * n), err));
     for (long i = 0; i < rows * n; i++)
         list[i] = (char *)column->data + (first * n + i) * column->text_width;
     fits_write_col(file, TSTRING, number, first + 1, 1, rows * n, list, failed);

@@ -13,6 +13,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "nn/direct.h"
 #include "nn/layers.h"
 
@@ -92,12 +93,6 @@ static int behind(const rx_node *n, int delay, int source)
     }
 }
 
-static void at_least(int value, int *dst)
-{
-    if (value > *dst)
-        *dst = value;
-}
-
 static void plan_bands(const rx_net *net, int step, const rx_node_planes *node, band *bands)
 {
     for (int i = 0; i < net->nnodes; i++) {
@@ -110,23 +105,20 @@ static void plan_bands(const rx_net *net, int step, const rx_node_planes *node, 
             continue;
         b->delay = delay_after(n, bands[n->src].delay);
         if (n->add >= 0)
-            at_least(bands[n->add].delay, &b->delay);
+            b->delay = rx_max_int(b->delay, bands[n->add].delay);
         if (n->op == RX_OP_SHUFFLE || n->op == RX_OP_UP2 || n->op == RX_OP_UPCONV ||
             n->op == RX_OP_TRANSPOSED) /* rows in pairs */
             b->delay += b->delay % 2;
         b->behind = behind(n, b->delay, bands[n->src].delay);
-        at_least(b->behind, &bands[n->src].history);
+        bands[n->src].history = rx_max_int(bands[n->src].history, b->behind);
         if (n->add < 0)
             continue;
         b->behind_add = b->delay - bands[n->add].delay;
-        at_least(b->behind_add, &bands[n->add].history);
+        bands[n->add].history = rx_max_int(bands[n->add].history, b->behind_add);
     }
     /* A row is moved once for two steps of its history's length at most. */
-    for (int i = 0; i < net->nnodes; i++) {
-        int more = 2 * bands[i].history;
-        at_least(bands[i].rows, &more);
-        bands[i].room = bands[i].history + more;
-    }
+    for (int i = 0; i < net->nnodes; i++)
+        bands[i].room = bands[i].history + rx_max_int(2 * bands[i].history, bands[i].rows);
 }
 
 static size_t raw_bytes(const rx_net *net, const rx_node_planes *node)
@@ -296,9 +288,8 @@ static rx_direct_area area_of(const rx_stream *s, int i, int first, int height)
                         .right = ((s->width - s->halo) >> level) + margin,
                         .first = begin - margin - first,
                         .last = ((s->halo + height) >> level) + margin - first};
-    at_least(0, &a.first);
-    if (a.last > s->band[i].rows)
-        a.last = s->band[i].rows;
+    a.first = rx_max_int(a.first, 0);
+    a.last = rx_min_int(a.last, s->band[i].rows);
     return a;
 }
 

@@ -79,7 +79,6 @@ static const rx_report_column TILES[] = {
 #undef FACT
 
 #define VALUES(cell) (cell).recall, (cell).precision, (cell).pairs, (cell).bias, (cell).scatter
-#define COUNT(columns) ((int)(sizeof(columns) / sizeof *(columns)))
 
 /* --- tables --- */
 
@@ -175,7 +174,7 @@ static rx_report_table *add_tiles(rx_report *report, const rx_rollup *all, const
         const rx_rollup_row *r = all->row[i];
         const rx_extension_facts *e = r->image;
         const rx_run_facts *f = r->facts;
-        const rx_cell cells[COUNT(TILES)] = {
+        const rx_cell cells[RX_LENGTH(TILES)] = {
 #include "survey/rollup_facts.def"
             RX_CELL(r->cell.recall), RX_CELL(r->cell.precision), RX_CELL(r->cell.pairs),
             RX_CELL(r->cell.bias), RX_CELL(r->cell.scatter)};
@@ -219,7 +218,7 @@ static void add_facts(rx_report *report, const rx_rollup *r)
             rx_report_fact_number(report, i ? "mag_high" : "mag_low", range[i]);
         else
             rx_report_fact(report, i ? "mag_high" : "mag_low", NULL);
-    for (int i = 0; i < COUNT(counts); i++)
+    for (int i = 0; i < RX_LENGTH(counts); i++)
         rx_report_fact_number(report, counts[i].name, counts[i].n);
     snprintf(word, sizeof word, "%d of %d tiles are fine:", r->fine, r->ntiles + r->nmissing);
     snprintf(sentence, sizeof sentence,
