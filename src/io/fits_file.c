@@ -417,8 +417,7 @@ static rx_status check_compressed(const rx_fits_source *source, const rx_fits_sh
     fits_clear_errmsg();
     fits_read_key(source->file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
     double pixels = (double)shape->axes[0] * (double)shape->axes[1];
-    /* PLIO makes 2000 pixels of one byte, gzip 1000, Rice fewer; HCOMPRESS any number, but only of one value
-     */
+    /* PLIO makes 2000 pixels of one byte, gzip 1000, Rice fewer; HCOMPRESS any number, but only of one value */
     if (failed || tiles != rows || pixels > 1e4 * (double)(bytes + 2880))
         return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
                            "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; "

@@ -48,9 +48,8 @@ rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err)
 /* True when the name selects one HDU. */
 int rx_fits_name_selects(const rx_fits_name *name);
 
-/* An open file. cfitsio cannot read a last block without its padding, which many programs leave out, and
- * unpacks a file of gzip whatever its size before anyone can look at it: such files are held in memory,
- * padded. */
+/* An open file. cfitsio cannot read a last block without its padding, which many programs leave out, and unpacks
+ * a file of gzip whatever its size before anyone can look at it: such files are held in memory, padded. */
 typedef struct rx_fits_source {
     fitsfile *file;
     const char *path; /* lent */

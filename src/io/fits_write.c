@@ -496,8 +496,7 @@ rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const rx_
 
 /* --- FITS_LDAC --- */
 
-/* The image's header as the only cell of the only row, END included: what SExtractor hands to
- * PSFEx and SCAMP. */
+/* The image's header as the only cell of the only row, END included: what SExtractor hands to PSFEx and SCAMP. */
 static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, const rx_text *extra,
                               rx_error *err)
 {

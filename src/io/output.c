@@ -91,8 +91,7 @@ static void drop_lock(int claim, const char *lock)
     close(claim);
 }
 
-/* What the dead owner of a lock has left; stem: full name up to the ending. True when nothing is left of it.
- */
+/* What the dead owner of a lock has left; stem: full name up to the ending. True when nothing is left of it. */
 static int remove_left(const char *path, const char *stem)
 {
     char aside[PATH_MAX + sizeof ASIDE], temporary[PATH_MAX + sizeof TEMP];

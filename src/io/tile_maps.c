@@ -460,10 +460,9 @@ static rx_status read_companion(const char *what, const char *name, const rx_til
     return status;
 }
 
-/* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
- * 1e30), means no data; so does what is no noise at all: not a finite number, rms or variance <= 0.
- * An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
- * least one has none. */
+/* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default 1e30), means no
+ * data; so does what is no noise at all: not a finite number, rms or variance <= 0. An inverse variance is in units
+ * of the image, so that the noise that it states needs no scale; what is not above the least one has none. */
 static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height;
