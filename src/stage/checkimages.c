@@ -198,23 +198,23 @@ static void paint_template_residual(const rx_checkimage_data *data, picture *dst
 
 static void paint_template_model(const rx_checkimage_data *data, picture *dst)
 {
+    const rx_tphot *tphot = data->result->templates.tphot;
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] =
-            data->result->templates.tphot != NULL ? data->result->templates.tphot->model[i] : NAN;
+        dst->pixels[i] = tphot != NULL ? tphot->model[i] : NAN;
 }
 
 /* In sigmas of sky and photons. */
 static void paint_template_chi(const rx_checkimage_data *data, picture *dst)
 {
+    const rx_tphot *tphot = data->result->templates.tphot;
     const double gain = data->result->measure->image.gain;
     paint_fitted_noise(data, dst);
     for (size_t i = 0; i < npixels(dst); i++) {
         if (isnan(dst->pixels[i]))
             continue;
-        const double sigma = (double)dst->pixels[i], model = (double)data->result->templates.tphot->model[i];
+        const double sigma = (double)dst->pixels[i], model = (double)tphot->model[i];
         const double photons = gain > 0.0 && model > 0.0 ? model / gain : 0.0;
-        dst->pixels[i] =
-            (float)((double)data->result->templates.tphot->residual[i] / sqrt(sigma * sigma + photons));
+        dst->pixels[i] = (float)((double)tphot->residual[i] / sqrt(sigma * sigma + photons));
     }
 }
 
