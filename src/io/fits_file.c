@@ -27,9 +27,11 @@
  * MOST_OF_TILE: pixels of a compressed tile, whose bytes cfitsio counts in an int. */
 enum { CHUNK_PIXELS = 1 << 20, CACHED_PIXELS = 1 << 16, MOST_OF_TILE = 1 << 28 };
 
-rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
-                         const char *what)
+rx_status rx_fits_check(const rx_fits_source *source, rx_status kind, int status, const char *what,
+                        rx_error *err)
 {
+    if (status == 0)
+        return RX_OK;
     static const char held[] = "/proc/self/fd/"; /* the file as cfitsio names it, in a line of its own */
     char text[FLEN_STATUS] = "", line[FLEN_ERRMSG] = "", last[FLEN_ERRMSG] = "";
     fits_get_errstatus(status, text);
@@ -39,14 +41,10 @@ rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hd
         else if (line[0] != '\0')
             memcpy(last, line, sizeof last);
     if (status == MEMORY_ALLOCATION)
-        return rx_error_at(err, RX_SYSTEM, path, hdu, 0, "out of memory; free memory or cut the tile");
-    return rx_error_at(err, kind, path, hdu, 0, "%s: %s%s%s%s", what, text, last[0] != '\0' ? " (" : "", last,
-                       last[0] != '\0' ? ")" : "");
-}
-
-rx_status rx_fits_check(const rx_fits_source *source, int status, const char *what, rx_error *err)
-{
-    return status != 0 ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, status, what) : RX_OK;
+        return rx_error_at(err, RX_SYSTEM, source->path, source->hdu, 0,
+                           "out of memory; free memory or cut the tile");
+    return rx_error_at(err, kind, source->path, source->hdu, 0, "%s: %s%s%s%s", what, text,
+                       last[0] != '\0' ? " (" : "", last, last[0] != '\0' ? ")" : "");
 }
 
 /* By the name that cfitsio has to be given. */
@@ -57,7 +55,7 @@ static rx_status open_literal(const char *literal, const char *path, rx_fits_sou
         return RX_OK;
     dst->file = NULL; /* cfitsio could not make out the first header */
     if (failed != END_OF_FILE && failed != NO_END)
-        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+        return rx_fits_check(dst, RX_INPUT, failed, "cannot be read as FITS", err);
     fits_clear_errmsg();
     return rx_error_at(err, RX_INPUT, path, -1, 0,
                        "its header has no END: the file is cut off or damaged, fetch it again");
@@ -177,7 +175,7 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
     if (status == RX_OK)
         status = rx_fits_walk_open(dst->file, path, &failed, err);
     if (failed)
-        status = rx_fits_check(dst, failed, "cannot be read", err);
+        status = rx_fits_check(dst, RX_INPUT, failed, "cannot be read", err);
     if (status != RX_OK)
         rx_fits_done(dst);
     return status;
@@ -330,7 +328,7 @@ rx_status rx_fits_goto(rx_fits_source *source, int hdu, rx_error *err)
         return rx_error_at(err, RX_INPUT, path, hdu, 0,
                            "there is no such HDU; the file has %d, counted from 0", count);
     }
-    return rx_fits_check(source, failed, "this HDU cannot be read", err);
+    return rx_fits_check(source, RX_INPUT, failed, "this HDU cannot be read", err);
 }
 
 rx_status rx_fits_goto_name(rx_fits_source *source, const rx_fits_name *name, rx_error *err)
@@ -359,7 +357,8 @@ rx_status rx_fits_count(rx_fits_source *source, int *n, int *broken, rx_error *e
     if (broken != NULL)
         *broken = failed != END_OF_FILE;
     if (rx_fits_is_unreadable(failed))
-        return rx_fits_failed(err, RX_INPUT, source->path, *n, failed, "this HDU cannot be read");
+        return rx_fits_check(&(rx_fits_source){.path = source->path, .hdu = *n}, RX_INPUT, failed,
+                             "this HDU cannot be read", err);
     fits_clear_errmsg();
     return RX_OK;
 }
@@ -374,7 +373,7 @@ rx_status rx_fits_shape_of(const rx_fits_source *source, rx_fits_shape *dst, rx_
     dst->is_image = !failed && (type == IMAGE_HDU || dst->is_compressed);
     if (dst->is_image)
         fits_get_img_paramll(file, RX_FITS_AXES, &dst->bitpix, &dst->naxis, dst->axes, &failed);
-    return rx_fits_check(source, failed, "this HDU cannot be read", err);
+    return rx_fits_check(source, RX_INPUT, failed, "this HDU cannot be read", err);
 }
 
 int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
@@ -456,7 +455,7 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const rx_fits_shape *
     LONGLONG start = 0, end = 0, axes[2] = {0, 0}, heap = 0;
     int failed = 0, absent = 0;
     fits_get_hduaddrll(file, NULL, &start, &end, &failed);
-    RX_TRY(rx_fits_check(source, failed, "this HDU cannot be read", err));
+    RX_TRY(rx_fits_check(source, RX_INPUT, failed, "this HDU cannot be read", err));
     double bytes = 0;
     if (shape->is_image && !shape->is_compressed) {
         bytes = abs(shape->bitpix) / 8.;
@@ -515,7 +514,7 @@ rx_status rx_fits_read_rows(const rx_fits_source *source, const rx_fits_section 
     }
     fits_read_subset(source->file, null != NULL ? TDOUBLE : TFLOAT, low, high, step,
                      null != NULL ? &none : NULL, dst, &anynul, &failed);
-    return rx_fits_check(source, failed, "the pixels cannot be read", err);
+    return rx_fits_check(source, RX_INPUT, failed, "the pixels cannot be read", err);
 }
 
 /* Are the pixels floats that need no arithmetic? */
@@ -693,7 +692,7 @@ rx_status rx_fits_read_cards(const rx_fits_source *source, char **cards, size_t 
         if (fits_read_record(source->file, i, card, &failed) == 0)
             add_as_read(&text, card);
     }
-    RX_TRY_EXIT(rx_fits_check(source, failed, "the header cannot be read", err));
+    RX_TRY_EXIT(rx_fits_check(source, RX_INPUT, failed, "the header cannot be read", err));
     if (compressed)
         image_cards(&text, &image);
     rx_text *wanted = compressed ? &image : &text;

@@ -104,11 +104,8 @@ rx_status rx_fits_read_pixels(const rx_fits_source *source, const rx_fits_sectio
  * that of the image. *cards to be freed with free(). */
 rx_status rx_fits_read_cards(const rx_fits_source *source, char **cards, size_t *ncards, rx_error *err);
 
-/* Error text from a cfitsio status; the last line of its message stack comes along. */
-rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
-                         const char *what);
-
-/* The same of the current HDU where cfitsio failed; RX_OK where its status is 0. */
-rx_status rx_fits_check(const rx_fits_source *source, int status, const char *what, rx_error *err);
+/* RX_OK where a cfitsio status is 0, else an error of the current HDU; the last line of cfitsio's message stack comes along. */
+rx_status rx_fits_check(const rx_fits_source *source, rx_status kind, int status, const char *what,
+                        rx_error *err);
 
 #endif

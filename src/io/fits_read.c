@@ -415,7 +415,7 @@ static rx_status read_rows(const rx_fits_source *source, const plan *plans, rx_t
             long rows = table->nrows - first + 1 < block ? table->nrows - first + 1 : block;
             read_cells(source->file, &plans[i], &table->columns[i], first, rows, &failed);
         }
-    return rx_fits_check(source, failed, "the table cannot be read", err);
+    return rx_fits_check(source, RX_INPUT, failed, "the table cannot be read", err);
 }
 
 /* --- tables --- */
@@ -437,7 +437,7 @@ static rx_status read_table(rx_fits_source *source, int hdu, rx_table **dst, rx_
         return rx_error_at(err, RX_INPUT, source->path, hdu, 0, "holds an image, a table was expected");
     fits_get_num_cols(file, &ncolumns, &failed);
     fits_get_num_rows(file, &rows, &failed);
-    RX_TRY(rx_fits_check(source, failed, "this HDU cannot be read", err));
+    RX_TRY(rx_fits_check(source, RX_INPUT, failed, "this HDU cannot be read", err));
     rx_status status = RX_OK;
     RX_TRY(rx_fits_check_size(source, &shape, err));
     table = rx_table_new(ncolumns);
@@ -464,7 +464,7 @@ static rx_status read_table(rx_fits_source *source, int hdu, rx_table **dst, rx_
         kept++;
     }
     table->ncolumns = kept;
-    RX_TRY_EXIT(rx_fits_check(source, failed, "its columns cannot be understood", err));
+    RX_TRY_EXIT(rx_fits_check(source, RX_INPUT, failed, "its columns cannot be understood", err));
     RX_TRY_EXIT(read_rows(source, plans, table, err));
     *dst = table;
     table = NULL;
@@ -549,7 +549,7 @@ static rx_status verify_hdu(const rx_fits_source *source, LONGLONG *end, rx_erro
         RX_TRY(rx_fits_check_size(source, &shape, err));
     fits_get_hduaddrll(source->file, NULL, NULL, end, &failed);
     fits_verify_chksum(source->file, &data, &all, &failed);
-    RX_TRY(rx_fits_check(source, failed, "cannot be read to its end", err));
+    RX_TRY(rx_fits_check(source, RX_INPUT, failed, "cannot be read to its end", err));
     if (data == 0 || all == 0)
         return rx_error_at(
             err, RX_INPUT, source->path, source->hdu, 0,

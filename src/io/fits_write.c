@@ -31,10 +31,11 @@ static rx_status broken(const rx_fits_writer *writer, int failed, rx_error *err)
 {
     if (is_disk_fault(failed))
         fits_clear_errmsg(); /* its lines name the temporary file, and elements of cfitsio's buffers */
-    return rx_fits_failed(err, RX_SYSTEM, writer->shown, -1, failed,
-                          is_disk_fault(failed) && failed != FILE_NOT_CREATED
-                              ? "cannot be written, perhaps the disk is full"
-                              : "cannot be written");
+    return rx_fits_check(&(rx_fits_source){.path = writer->shown, .hdu = -1}, RX_SYSTEM, failed,
+                         is_disk_fault(failed) && failed != FILE_NOT_CREATED
+                             ? "cannot be written, perhaps the disk is full"
+                             : "cannot be written",
+                         err);
 }
 
 rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **dst, rx_error *err)

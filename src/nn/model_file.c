@@ -13,7 +13,7 @@
 #include "nn/model.h"
 
 enum { VERSION = 1, TWO_STAGES = 2 }; /* of the format */
-enum { OP_WIDTH = 17, MAX_COLUMNS = 10, MAX_BINS = 10000, MAX_HDUS = 1000 };
+enum { OP_WIDTH = 17, MAX_BINS = 10000, MAX_HDUS = 1000 };
 
 /* Numbers of the primary header, in their order: members of a model, and what they may be. */
 typedef enum kind { INTEGER, LONG, REAL } kind;
@@ -50,7 +50,7 @@ typedef struct layout {
     struct {
         const char *name;
         size_t offset;
-    } column[MAX_COLUMNS];
+    } column[10];
 } layout;
 
 #define NODE(name, member)                                                                                   \
@@ -152,7 +152,7 @@ static const char *model_fault(const rx_model *model, char *text, size_t size)
 static rx_status new_table(const char *name, long rows, const layout *of, int text_width, rx_table **dst,
                            rx_error *err)
 {
-    rx_column like[MAX_COLUMNS] = {0};
+    rx_column like[sizeof of->column / sizeof *of->column] = {0};
     int n = 0;
     for (; of->kinds[n] != '\0'; n++) {
         like[n].type = type_of(of->kinds[n]);
