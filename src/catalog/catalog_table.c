@@ -1,35 +1,10 @@
 /* From the source list to a table of the chosen columns. */
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 
 #include "base/memory.h"
 #include "catalog/catalog.h"
 #include "catalog/columns.h"
-
-/* Out-of-range integers stop at the type's ends instead of wrapping. */
-static double clamp(double value, double low, double high)
-{
-    return value < low ? low : value > high ? high : value;
-}
-
-static void store(rx_column *column, long i, double value)
-{
-    switch (column->type) {
-    case RX_CELL_INT16:
-        ((int16_t *)column->data)[i] = (int16_t)(isnan(value) ? 0 : clamp(value, INT16_MIN, INT16_MAX));
-        break;
-    case RX_CELL_INT32:
-        ((int32_t *)column->data)[i] = (int32_t)(isnan(value) ? 0 : clamp(value, INT32_MIN, INT32_MAX));
-        break;
-    case RX_CELL_FLOAT:
-        ((float *)column->data)[i] = (float)value;
-        break;
-    default:
-        ((double *)column->data)[i] = value;
-        break;
-    }
-}
 
 static void describe(rx_column *column, const rx_column_def *def, const int dim[2])
 {
@@ -56,7 +31,8 @@ static rx_status fill(rx_column *column, const rx_column_choice *choice, const r
         return rx_error_memory(err, (size_t)sources->n * bytes);
     for (place.row = 0; place.row < sources->n; place.row++)
         for (long i = 0; i < elements; i++)
-            store(column, place.row * elements + i, def->value(&sources->list[place.row], &place, i));
+            rx_column_set(column, place.row * elements + i, def->value(&sources->list[place.row], &place, i),
+                          NULL);
     return RX_OK;
 }
 

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -124,4 +125,34 @@ double rx_column_value(const rx_column *column, long row, long element)
         break;
     }
     return NAN;
+}
+
+/* Out-of-range integers stop at the type's ends instead of wrapping. */
+static double clamp(double value, double low, double high)
+{
+    return isnan(value) ? 0.0 : value < low ? low : value > high ? high : value;
+}
+
+void rx_column_set(rx_column *column, long i, double number, const char *text)
+{
+    switch (column->type) {
+    case RX_CELL_INT16:
+        ((int16_t *)column->data)[i] = (int16_t)clamp(number, INT16_MIN, INT16_MAX);
+        break;
+    case RX_CELL_INT32:
+        ((int32_t *)column->data)[i] = (int32_t)clamp(number, INT32_MIN, INT32_MAX);
+        break;
+    case RX_CELL_INT64: /* the largest double below 2^63 */
+        ((int64_t *)column->data)[i] = (int64_t)clamp(number, (double)INT64_MIN, 0x1.fffffffffffffp62);
+        break;
+    case RX_CELL_FLOAT:
+        ((float *)column->data)[i] = (float)number;
+        break;
+    case RX_CELL_DOUBLE:
+        ((double *)column->data)[i] = number;
+        break;
+    case RX_CELL_TEXT:
+        snprintf((char *)column->data + i * column->text_width, (size_t)column->text_width, "%s", text);
+        break;
+    }
 }

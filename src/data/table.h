@@ -67,6 +67,10 @@ int rx_table_find(const rx_table *table, const char *name);
 /* Element `element` of row `row` as double (NAN for text). */
 double rx_column_value(const rx_column *column, long row, long element);
 
+/* Sets element i of all in the column: to the number, out-of-range ones stop at an integer type's ends and NAN is 0
+ * there; to the text, cut at the width, in a column of texts. */
+void rx_column_set(rx_column *column, long i, double number, const char *text);
+
 RX_END_DECLS
 
 #endif

@@ -441,8 +441,7 @@ void rx_card_record(rx_text *dst, const char *name, const char *value, const cha
     rx_text_free(&line);
 }
 
-/* One line out of HISTORY cards from *card on, which is left behind the last of them; 0: there is no HISTORY
- * left. */
+/* One line out of HISTORY cards from *card on, which is left behind the last of them; 0: there is no HISTORY left. */
 static int next_history(const char *cards, long ncards, long *card, rx_text *line)
 {
     int more = 1;

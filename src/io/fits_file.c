@@ -27,9 +27,11 @@
  * MOST_OF_TILE: pixels of a compressed tile, whose bytes cfitsio counts in an int. */
 enum { CHUNK_PIXELS = 1 << 20, CACHED_PIXELS = 1 << 16, MOST_OF_TILE = 1 << 28 };
 
-rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
-                         const char *what)
+rx_status rx_fits_check(const rx_fits_source *source, rx_status kind, int status, const char *what,
+                        rx_error *err)
 {
+    if (status == 0)
+        return RX_OK;
     static const char held[] = "/proc/self/fd/"; /* the file as cfitsio names it, in a line of its own */
     char text[FLEN_STATUS] = "", line[FLEN_ERRMSG] = "", last[FLEN_ERRMSG] = "";
     fits_get_errstatus(status, text);
@@ -39,9 +41,10 @@ rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hd
         else if (line[0] != '\0')
             memcpy(last, line, sizeof last);
     if (status == MEMORY_ALLOCATION)
-        return rx_error_at(err, RX_SYSTEM, path, hdu, 0, "out of memory; free memory or cut the tile");
-    return rx_error_at(err, kind, path, hdu, 0, "%s: %s%s%s%s", what, text, last[0] != '\0' ? " (" : "", last,
-                       last[0] != '\0' ? ")" : "");
+        return rx_error_at(err, RX_SYSTEM, source->path, source->hdu, 0,
+                           "out of memory; free memory or cut the tile");
+    return rx_error_at(err, kind, source->path, source->hdu, 0, "%s: %s%s%s%s", what, text,
+                       last[0] != '\0' ? " (" : "", last, last[0] != '\0' ? ")" : "");
 }
 
 /* By the name that cfitsio has to be given. */
@@ -52,7 +55,7 @@ static rx_status open_literal(const char *literal, const char *path, rx_fits_sou
         return RX_OK;
     dst->file = NULL; /* cfitsio could not make out the first header */
     if (failed != END_OF_FILE && failed != NO_END)
-        return rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read as FITS");
+        return rx_fits_check(dst, RX_INPUT, failed, "cannot be read as FITS", err);
     fits_clear_errmsg();
     return rx_error_at(err, RX_INPUT, path, -1, 0,
                        "its header has no END: the file is cut off or damaged, fetch it again");
@@ -172,7 +175,7 @@ rx_status rx_fits_open(const char *path, rx_fits_source *dst, rx_error *err)
     if (status == RX_OK)
         status = rx_fits_walk_open(dst->file, path, &failed, err);
     if (failed)
-        status = rx_fits_failed(err, RX_INPUT, path, -1, failed, "cannot be read");
+        status = rx_fits_check(dst, RX_INPUT, failed, "cannot be read", err);
     if (status != RX_OK)
         rx_fits_done(dst);
     return status;
@@ -280,11 +283,11 @@ static rx_status parse_groups(const char *name, const char *brackets, rx_fits_na
     }
     return RX_OK;
 malformed:
-    return rx_error_at(err, RX_INPUT, name, -1, 0,
-                       "cannot use '%s'; give [number], [NAME] or [NAME,version], then perhaps a section "
-                       "[x1:x2,y1:y2] with x1 <= x2 and y1 <= y2, counted from 1, of a cube with a plane "
-                       "[x1:x2,y1:y2,k]",
-                       brackets);
+    return rx_error_at(
+        err, RX_INPUT, name, -1, 0,
+        "cannot use '%s'; give [number], [NAME] or [NAME,version], then perhaps a section [x1:x2,y1:y2] with "
+        "x1 <= x2 and y1 <= y2, counted from 1, of a cube with a plane [x1:x2,y1:y2,k]",
+        brackets);
 }
 
 rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err)
@@ -325,9 +328,7 @@ rx_status rx_fits_goto(rx_fits_source *source, int hdu, rx_error *err)
         return rx_error_at(err, RX_INPUT, path, hdu, 0,
                            "there is no such HDU; the file has %d, counted from 0", count);
     }
-    if (failed)
-        return rx_fits_failed(err, RX_INPUT, path, hdu, failed, "this HDU cannot be read");
-    return RX_OK;
+    return rx_fits_check(source, RX_INPUT, failed, "this HDU cannot be read", err);
 }
 
 rx_status rx_fits_goto_name(rx_fits_source *source, const rx_fits_name *name, rx_error *err)
@@ -356,7 +357,8 @@ rx_status rx_fits_count(rx_fits_source *source, int *n, int *broken, rx_error *e
     if (broken != NULL)
         *broken = failed != END_OF_FILE;
     if (rx_fits_is_unreadable(failed))
-        return rx_fits_failed(err, RX_INPUT, source->path, *n, failed, "this HDU cannot be read");
+        return rx_fits_check(&(rx_fits_source){.path = source->path, .hdu = *n}, RX_INPUT, failed,
+                             "this HDU cannot be read", err);
     fits_clear_errmsg();
     return RX_OK;
 }
@@ -371,9 +373,7 @@ rx_status rx_fits_shape_of(const rx_fits_source *source, rx_fits_shape *dst, rx_
     dst->is_image = !failed && (type == IMAGE_HDU || dst->is_compressed);
     if (dst->is_image)
         fits_get_img_paramll(file, RX_FITS_AXES, &dst->bitpix, &dst->naxis, dst->axes, &failed);
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "this HDU cannot be read")
-               : RX_OK;
+    return rx_fits_check(source, RX_INPUT, failed, "this HDU cannot be read", err);
 }
 
 int rx_fits_is_plane(const rx_fits_shape *shape, const rx_fits_section *section)
@@ -416,14 +416,12 @@ static rx_status check_compressed(const rx_fits_source *source, const rx_fits_sh
     fits_clear_errmsg();
     fits_read_key(source->file, TLONGLONG, "NAXIS2", &rows, NULL, &failed);
     double pixels = (double)shape->axes[0] * (double)shape->axes[1];
-    /* PLIO makes 2000 pixels of one byte, gzip 1000, Rice fewer; HCOMPRESS any number, but only of one value
-     */
+    /* PLIO makes 2000 pixels of one byte, gzip 1000, Rice fewer; HCOMPRESS any number, but only of one value */
     if (failed || tiles != rows || pixels > 1e4 * (double)(bytes + 2880))
-        return rx_error_at(
-            err, RX_INPUT, source->path, source->hdu, 0,
-            "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; the "
-            "file is damaged, fetch it again",
-            shape->axes[0], shape->axes[1], rows, bytes);
+        return rx_error_at(err, RX_INPUT, source->path, source->hdu, 0,
+                           "compressed image of %lld x %lld pixels whose table has %lld rows in %lld bytes; "
+                           "the file is damaged, fetch it again",
+                           shape->axes[0], shape->axes[1], rows, bytes);
     return RX_OK;
 }
 
@@ -457,8 +455,7 @@ rx_status rx_fits_check_size(const rx_fits_source *source, const rx_fits_shape *
     LONGLONG start = 0, end = 0, axes[2] = {0, 0}, heap = 0;
     int failed = 0, absent = 0;
     fits_get_hduaddrll(file, NULL, &start, &end, &failed);
-    if (failed)
-        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "this HDU cannot be read");
+    RX_TRY(rx_fits_check(source, RX_INPUT, failed, "this HDU cannot be read", err));
     double bytes = 0;
     if (shape->is_image && !shape->is_compressed) {
         bytes = abs(shape->bitpix) / 8.;
@@ -517,9 +514,7 @@ rx_status rx_fits_read_rows(const rx_fits_source *source, const rx_fits_section 
     }
     fits_read_subset(source->file, null != NULL ? TDOUBLE : TFLOAT, low, high, step,
                      null != NULL ? &none : NULL, dst, &anynul, &failed);
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "the pixels cannot be read")
-               : RX_OK;
+    return rx_fits_check(source, RX_INPUT, failed, "the pixels cannot be read", err);
 }
 
 /* Are the pixels floats that need no arithmetic? */
@@ -697,9 +692,7 @@ rx_status rx_fits_read_cards(const rx_fits_source *source, char **cards, size_t 
         if (fits_read_record(source->file, i, card, &failed) == 0)
             add_as_read(&text, card);
     }
-    if (failed)
-        RX_TRY_EXIT(
-            rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "the header cannot be read"));
+    RX_TRY_EXIT(rx_fits_check(source, RX_INPUT, failed, "the header cannot be read", err));
     if (compressed)
         image_cards(&text, &image);
     rx_text *wanted = compressed ? &image : &text;

@@ -48,9 +48,8 @@ rx_status rx_fits_name_parse(const char *name, rx_fits_name *dst, rx_error *err)
 /* True when the name selects one HDU. */
 int rx_fits_name_selects(const rx_fits_name *name);
 
-/* An open file. cfitsio cannot read a last block without its padding, which many programs leave out, and
- * unpacks a file of gzip whatever its size before anyone can look at it: such files are held in memory,
- * padded. */
+/* An open file. cfitsio cannot read a last block without its padding, which many programs leave out, and unpacks
+ * a file of gzip whatever its size before anyone can look at it: such files are held in memory, padded. */
 typedef struct rx_fits_source {
     fitsfile *file;
     const char *path; /* lent */
@@ -105,8 +104,8 @@ rx_status rx_fits_read_pixels(const rx_fits_source *source, const rx_fits_sectio
  * that of the image. *cards to be freed with free(). */
 rx_status rx_fits_read_cards(const rx_fits_source *source, char **cards, size_t *ncards, rx_error *err);
 
-/* Error text from a cfitsio status; the last line of its message stack comes along. */
-rx_status rx_fits_failed(rx_error *err, rx_status kind, const char *path, int hdu, int status,
-                         const char *what);
+/* RX_OK where a cfitsio status is 0, else an error of the current HDU; the last line of cfitsio's message stack comes along. */
+rx_status rx_fits_check(const rx_fits_source *source, rx_status kind, int status, const char *what,
+                        rx_error *err);
 
 #endif

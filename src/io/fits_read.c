@@ -380,6 +380,7 @@ static void read_cells(fitsfile *file, const plan *how, rx_column *column, long 
     int anynul = 0;
     long n = rx_column_elements(column);
     char *dst = (char *)column->data + (first - 1) * n * rx_column_element_size(column);
+    const bool is_complex = how->ask == TCOMPLEX || how->ask == TDBLCOMPLEX;
     void *null = NULL; /* integers: whatever the file holds */
     if (!how->exact && (how->ask == TFLOAT || how->ask == TCOMPLEX))
         null = &no_float;
@@ -389,10 +390,9 @@ static void read_cells(fitsfile *file, const plan *how, rx_column *column, long 
         read_texts(file, how->number, first, rows * n, column, dst, failed);
     else if (how->ask == TLOGICAL || how->ask == TBIT)
         read_logicals(file, how->ask, how->number, first, rows * n, (int16_t *)dst, failed);
-    else if (how->ask == TCOMPLEX || how->ask == TDBLCOMPLEX)
-        fits_read_col(file, how->ask, how->number, first, 1, rows * n / 2, null, dst, &anynul, failed);
     else
-        fits_read_col(file, how->ask, how->number, first, 1, rows * n, null, dst, &anynul, failed);
+        fits_read_col(file, how->ask, how->number, first, 1, is_complex ? rows * n / 2 : rows * n, null, dst,
+                      &anynul, failed);
     if (*failed == NUM_OVERFLOW) /* the nearest possible value stands there */
         *failed = 0;
 }
@@ -415,9 +415,7 @@ static rx_status read_rows(const rx_fits_source *source, const plan *plans, rx_t
             long rows = table->nrows - first + 1 < block ? table->nrows - first + 1 : block;
             read_cells(source->file, &plans[i], &table->columns[i], first, rows, &failed);
         }
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "the table cannot be read")
-               : RX_OK;
+    return rx_fits_check(source, RX_INPUT, failed, "the table cannot be read", err);
 }
 
 /* --- tables --- */
@@ -439,8 +437,7 @@ static rx_status read_table(rx_fits_source *source, int hdu, rx_table **dst, rx_
         return rx_error_at(err, RX_INPUT, source->path, hdu, 0, "holds an image, a table was expected");
     fits_get_num_cols(file, &ncolumns, &failed);
     fits_get_num_rows(file, &rows, &failed);
-    if (failed)
-        return rx_fits_failed(err, RX_INPUT, source->path, hdu, failed, "this HDU cannot be read");
+    RX_TRY(rx_fits_check(source, RX_INPUT, failed, "this HDU cannot be read", err));
     rx_status status = RX_OK;
     RX_TRY(rx_fits_check_size(source, &shape, err));
     table = rx_table_new(ncolumns);
@@ -467,9 +464,7 @@ static rx_status read_table(rx_fits_source *source, int hdu, rx_table **dst, rx_
         kept++;
     }
     table->ncolumns = kept;
-    if (failed)
-        RX_TRY_EXIT(
-            rx_fits_failed(err, RX_INPUT, source->path, hdu, failed, "its columns cannot be understood"));
+    RX_TRY_EXIT(rx_fits_check(source, RX_INPUT, failed, "its columns cannot be understood", err));
     RX_TRY_EXIT(read_rows(source, plans, table, err));
     *dst = table;
     table = NULL;
@@ -553,8 +548,8 @@ static rx_status verify_hdu(const rx_fits_source *source, LONGLONG *end, rx_erro
     if (!shape.is_image || shape.naxis > 0)
         RX_TRY(rx_fits_check_size(source, &shape, err));
     fits_get_hduaddrll(source->file, NULL, NULL, end, &failed);
-    if (fits_verify_chksum(source->file, &data, &all, &failed))
-        return rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "cannot be read to its end");
+    fits_verify_chksum(source->file, &data, &all, &failed);
+    RX_TRY(rx_fits_check(source, RX_INPUT, failed, "cannot be read to its end", err));
     if (data == 0 || all == 0)
         return rx_error_at(
             err, RX_INPUT, source->path, source->hdu, 0,

@@ -31,10 +31,11 @@ static rx_status broken(const rx_fits_writer *writer, int failed, rx_error *err)
 {
     if (is_disk_fault(failed))
         fits_clear_errmsg(); /* its lines name the temporary file, and elements of cfitsio's buffers */
-    return rx_fits_failed(err, RX_SYSTEM, writer->shown, -1, failed,
-                          is_disk_fault(failed) && failed != FILE_NOT_CREATED
-                              ? "cannot be written, perhaps the disk is full"
-                              : "cannot be written");
+    return rx_fits_check(&(rx_fits_source){.path = writer->shown, .hdu = -1}, RX_SYSTEM, failed,
+                         is_disk_fault(failed) && failed != FILE_NOT_CREATED
+                             ? "cannot be written, perhaps the disk is full"
+                             : "cannot be written",
+                         err);
 }
 
 rx_status rx_fits_create(const char *path, const char *shown, rx_fits_writer **dst, rx_error *err)
@@ -167,7 +168,18 @@ static uint32_t end(unit *u, char *dst)
     return u->sum;
 }
 
-/* n numbers of `size` bytes, the most significant one first. */
+/* For each size its own loop, which compilers turn into vector code. */
+#define SWAP(bits)                                                                                           \
+    do {                                                                                                     \
+        for (size_t i = 0; i < some; i++) {                                                                  \
+            uint##bits##_t number;                                                                           \
+            memcpy(&number, from + i * sizeof number, sizeof number);                                        \
+            number = htobe##bits(number);                                                                    \
+            memcpy(to + i * sizeof number, &number, sizeof number);                                          \
+        }                                                                                                    \
+    } while (0)
+
+/* n numbers of 2, 4 or 8 bytes, the most significant one first. */
 static void add_numbers(unit *u, const void *numbers, size_t n, size_t size)
 {
     for (const uint8_t *from = numbers; n > 0;) {
@@ -175,24 +187,12 @@ static void add_numbers(unit *u, const void *numbers, size_t n, size_t size)
             flush(u, false);
         const size_t room = (ROOM - u->used) / size, some = n < room ? n : room;
         uint8_t *to = u->room + u->used;
-        for (size_t i = 0; i < some && size == 2; i++) {
-            uint16_t number;
-            memcpy(&number, from + 2 * i, sizeof number);
-            number = htobe16(number);
-            memcpy(to + 2 * i, &number, sizeof number);
-        }
-        for (size_t i = 0; i < some && size == 4; i++) {
-            uint32_t number;
-            memcpy(&number, from + 4 * i, sizeof number);
-            number = htobe32(number);
-            memcpy(to + 4 * i, &number, sizeof number);
-        }
-        for (size_t i = 0; i < some && size == 8; i++) {
-            uint64_t number;
-            memcpy(&number, from + 8 * i, sizeof number);
-            number = htobe64(number);
-            memcpy(to + 8 * i, &number, sizeof number);
-        }
+        if (size == 2)
+            SWAP(16);
+        else if (size == 4)
+            SWAP(32);
+        else
+            SWAP(64);
         u->used += some * size;
         from += some * size;
         n -= some;
@@ -300,6 +300,14 @@ static void write_checksum(fitsfile *file, uint32_t datasum, int *failed)
     fits_modify_key_str(file, "CHECKSUM", text, "&", failed);
 }
 
+/* The last step of each HDU. */
+static rx_status end_hdu(rx_fits_writer *writer, uint32_t datasum, int *failed, rx_error *err)
+{
+    write_checksum(writer->file, datasum, failed);
+    writer->hdus++;
+    return *failed ? broken(writer, *failed, err) : RX_OK;
+}
+
 static void write_extname(fitsfile *file, const char *name, int *failed)
 {
     if (name != NULL && name[0] != '\0')
@@ -333,28 +341,19 @@ rx_status rx_fits_image(rx_fits_writer *writer, const rx_fits_plane *plane, cons
     write_extra(writer->file, extra, &failed);
     fits_write_img(writer->file, plane->floats != NULL ? TFLOAT : TINT, 1, axes[0] * axes[1], data.taken,
                    &failed);
-    write_checksum(writer->file, rx_fits_digest_pixels(data.given, (size_t)(axes[0] * axes[1]), NULL),
-                   &failed);
-    writer->hdus++;
-    return failed ? broken(writer, failed, err) : RX_OK;
+    return end_hdu(writer, rx_fits_digest_pixels(data.given, (size_t)(axes[0] * axes[1]), NULL), &failed,
+                   err);
 }
 
 /* --- tables --- */
-
-static void write_primary(rx_fits_writer *writer, const rx_text *extra, int *failed)
-{
-    fits_create_imgll(writer->file, BYTE_IMG, 0, NULL, failed);
-    write_extra(writer->file, extra, failed);
-    write_checksum(writer->file, 0, failed);
-    writer->hdus++;
-}
 
 rx_status rx_fits_primary(rx_fits_writer *writer, const rx_text *extra, rx_error *err)
 {
     int failed = 0;
     fits_clear_errmsg();
-    write_primary(writer, extra, &failed);
-    return failed ? broken(writer, failed, err) : RX_OK;
+    fits_create_imgll(writer->file, BYTE_IMG, 0, NULL, &failed);
+    write_extra(writer->file, extra, &failed);
+    return end_hdu(writer, 0, &failed, err);
 }
 
 /* By rx_cell_type. */
@@ -414,9 +413,8 @@ static rx_status write_text_block(fitsfile *file, int number, const rx_column *c
                                   int *failed, rx_error *err)
 {
     long n = rx_column_elements(column);
-    char **list = RX_NEW(char *, (size_t)(rows * n));
-    if (list == NULL)
-        return rx_error_memory(err, (size_t)(rows * n) * sizeof *list);
+    char **list;
+    RX_TRY(RX_MAKE(list, (size_t)(rows * n), err));
     for (long i = 0; i < rows * n; i++)
         list[i] = (char *)column->data + (first * n + i) * column->text_width;
     fits_write_col(file, TSTRING, number, first + 1, 1, rows * n, list, failed);
@@ -453,7 +451,7 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
                              const rx_text *extra, rx_error *err)
 {
     int failed = 0, n = table->ncolumns;
-    rx_status status = RX_OK;
+    rx_status status;
     rx_arena arena = {0};
     char **names = RX_TAKE(&arena, char *, (size_t)n), **forms = RX_TAKE(&arena, char *, (size_t)n),
          **units = RX_TAKE(&arena, char *, (size_t)n);
@@ -472,8 +470,6 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
             snprintf(form[i], sizeof form[i], "%ld%c", elements, "IJKED"[column->type]);
     }
     fits_clear_errmsg();
-    if (writer->hdus == 0) /* an extension cannot come first */
-        write_primary(writer, NULL, &failed);
     fits_create_tbl(writer->file, BINARY_TBL, table->nrows, n, names, forms, units, NULL, &failed);
     write_extname(writer->file, extname, &failed);
     for (int i = 0; i < n; i++)
@@ -481,24 +477,27 @@ static rx_status write_table(rx_fits_writer *writer, const rx_table *table, cons
     write_extra(writer->file, extra, &failed);
     fits_set_hdustruc(writer->file, &failed);
     RX_TRY_EXIT(write_rows(writer, table, &failed, err));
-    write_checksum(writer->file, rx_fits_digest_table(table, NULL), &failed);
-    writer->hdus++;
-    if (failed)
-        status = broken(writer, failed, err);
+    status = end_hdu(writer, rx_fits_digest_table(table, NULL), &failed, err);
 exit:
     rx_arena_free(&arena);
     return status;
 }
 
+/* An extension cannot come first. */
+static rx_status begin_file(rx_fits_writer *writer, rx_error *err)
+{
+    return writer->hdus > 0 ? RX_OK : rx_fits_primary(writer, NULL, err);
+}
+
 rx_status rx_fits_table(rx_fits_writer *writer, const rx_table *table, const rx_text *extra, rx_error *err)
 {
+    RX_TRY(begin_file(writer, err));
     return write_table(writer, table, table->name, extra, err);
 }
 
 /* --- FITS_LDAC --- */
 
-/* The image's header as the only cell of the only row, END included: what SExtractor hands to
- * PSFEx and SCAMP. */
+/* The image's header as the only cell of the only row, END included: what SExtractor hands to PSFEx and SCAMP. */
 static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, const rx_text *extra,
                               rx_error *err)
 {
@@ -518,21 +517,19 @@ static rx_status write_imhead(rx_fits_writer *writer, const rx_table *table, con
     LONGLONG axes[2] = {RX_CARD, (LONGLONG)(text.length / RX_CARD)};
     snprintf(form, sizeof form, "%zuA", text.length);
     fits_clear_errmsg();
-    if (writer->hdus == 0) /* an extension cannot come first */
-        write_primary(writer, NULL, &failed);
     fits_create_tbl(writer->file, BINARY_TBL, 1, 1, &type, &forms, NULL, NULL, &failed);
     write_extname(writer->file, "LDAC_IMHEAD", &failed);
     fits_write_tdimll(writer->file, 1, 2, axes, &failed);
     fits_set_hdustruc(writer->file, &failed);
     fits_write_tblbytes(writer->file, 1, 1, (LONGLONG)text.length, (unsigned char *)text.data, &failed);
-    write_checksum(writer->file, rx_fits_sum_bytes(0, text.data, text.length), &failed);
-    writer->hdus++;
+    const rx_status status = end_hdu(writer, rx_fits_sum_bytes(0, text.data, text.length), &failed, err);
     rx_text_free(&text);
-    return failed ? broken(writer, failed, err) : RX_OK;
+    return status;
 }
 
 rx_status rx_fits_ldac(rx_fits_writer *writer, const rx_table *table, const rx_text *extra, rx_error *err)
 {
+    RX_TRY(begin_file(writer, err));
     RX_TRY(write_imhead(writer, table, extra, err));
     return write_table(writer, table, "LDAC_OBJECTS", extra, err);
 }

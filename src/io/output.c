@@ -68,24 +68,18 @@ static int is_named(int file, const char *name)
            held.st_ino == found.st_ino && held.st_uid == geteuid();
 }
 
-/* Hold the lock of what has just been made: between that and flock() another process may take it for an abandoned one and
- * remove it; then it is closed, and 0. */
-static int is_held(int file, const char *name)
-{
-    const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
-    if (locked ? is_named(file, name) : errno != EWOULDBLOCK)
-        return 1;
-    close(file);
-    return 0;
-}
-
 /* Make `lock` and hold its lock. Returns the descriptor, or -1 with errno: EEXIST when another has it. */
 static int take_lock(const char *lock)
 {
     for (int tries = 0; tries < 100; tries++) {
         const int file = open(lock, O_RDWR | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-        if (file < 0 || is_held(file, lock))
+        if (file < 0)
             return file;
+        /* before flock() another process may have taken it for an abandoned one and removed it */
+        const int locked = flock(file, LOCK_EX | LOCK_NB) == 0;
+        if (locked ? is_named(file, lock) : errno != EWOULDBLOCK)
+            return file;
+        close(file);
     }
     errno = EBUSY;
     return -1;
@@ -97,8 +91,7 @@ static void drop_lock(int claim, const char *lock)
     close(claim);
 }
 
-/* What the dead owner of a lock has left; stem: full name up to the ending. True when nothing is left of it.
- */
+/* What the dead owner of a lock has left; stem: full name up to the ending. True when nothing is left of it. */
 static int remove_left(const char *path, const char *stem)
 {
     char aside[PATH_MAX + sizeof ASIDE], temporary[PATH_MAX + sizeof TEMP];
@@ -166,9 +159,8 @@ static void sweep(const char *path, const char *stem)
  * Which folders a run may replace: those that hold what a run wrote there, and nothing else. The marker, a file
  * `.rextract` in the folder, lists its files with their digests. */
 static const char MARKER[] = ".rextract";
-static const char HEAD[] =
-    "Made by rextract: the next run replaces this folder as long as it holds these files "
-    "alone, as they were written.\n";
+static const char HEAD[] = "Made by rextract: the next run replaces this folder as long as it holds these "
+                           "files alone, as they were written.\n";
 enum { MOST_BYTES = 1 << 24 };
 
 /* What is in a folder: a line "digest name" of each file, "folder name" of each folder. */
@@ -297,9 +289,8 @@ static rx_status read_marker(const char *folder, char **text, int *there, rx_err
  * are missing do not matter. Else RX_USAGE, which names the first that is not; links are not followed. */
 static rx_status check_marker(const char *folder, const char *shown, rx_error *err)
 {
-    static const char remedy[] =
-        "so that it is not replaced; give another name, or move what you need elsewhere and "
-        "remove the folder";
+    static const char remedy[] = "so that it is not replaced; give another name, or move what you need "
+                                 "elsewhere and remove the folder";
     listing l = {.folder = folder};
     rx_error trouble = rx_error_part(err);
     char *marker = NULL;
@@ -311,10 +302,10 @@ static rx_status check_marker(const char *folder, const char *shown, rx_error *e
     if (status == RX_OK && l.odd.failed)
         status = rx_error_memory(err, 0);
     else if (status == RX_OK && there && marker[0] == '\0')
-        status = rx_error_at(err, RX_USAGE, shown, -1, 0,
-                             "its %s does not list the files that a run wrote (it is damaged, or of an older "
-                             "version), %s",
-                             MARKER, remedy);
+        status = rx_error_at(
+            err, RX_USAGE, shown, -1, 0,
+            "its %s does not list the files that a run wrote (it is damaged, or of an older version), %s",
+            MARKER, remedy);
     else if (status == RX_OK && l.odd.length > 0)
         status =
             there ? rx_error_at(err, RX_USAGE, shown, -1, 0,

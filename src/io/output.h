@@ -1,7 +1,6 @@
-/* Outputs appear whole or not at all: every file is written in a hidden folder, which only this user can enter, beside
- * its place; commit renames them all once the whole run has succeeded. What a killed
- * process has left of an output goes when the next one reserves it. What is replaced keeps its
- * permissions. */
+/* Outputs appear whole or not at all: every file is written in a hidden folder, which only this user can
+ * enter, beside its place; commit renames them all once the whole run has succeeded. What a killed process
+ * has left of an output goes when the next one reserves it. What is replaced keeps its permissions. */
 #ifndef RX_IO_OUTPUT_H
 #define RX_IO_OUTPUT_H
 

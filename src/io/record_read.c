@@ -115,9 +115,7 @@ static rx_status digest_data(const rx_fits_source *source, char dst[RX_HASH_TEXT
         rx_hash_add(&sum, room, failed ? 0 : (size_t)some);
     }
     rx_hash_text(&sum, dst);
-    return failed
-               ? rx_fits_failed(err, RX_INPUT, source->path, source->hdu, failed, "cannot be read to its end")
-               : RX_OK;
+    return rx_fits_check(source, RX_INPUT, failed, "cannot be read to its end", err);
 }
 
 static rx_status read_hdu(reading *r, const rx_fits_source *source, char version[72], rx_error *err)

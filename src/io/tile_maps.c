@@ -73,13 +73,12 @@ static rx_status is_cube(const char *path, int hdu, const rx_fits_shape *shape, 
         if (i >= 2)
             rx_text_add(&places, ",1");
     }
-    const rx_status status =
-        lengths.failed || places.failed
-            ? rx_error_memory(err, 0)
-            : rx_error_at(err, RX_INPUT, path, hdu, 0,
-                          "holds an image of %d axes (%s), a 2-D one was expected; name one plane of it, the "
-                          "first by '%s[%d][*,*%s]'",
-                          shape->naxis, lengths.data, path, hdu, places.data);
+    const rx_status status = lengths.failed || places.failed
+                                 ? rx_error_memory(err, 0)
+                                 : rx_error_at(err, RX_INPUT, path, hdu, 0,
+                                               "holds an image of %d axes (%s), a 2-D one was expected; name "
+                                               "one plane of it, the first by '%s[%d][*,*%s]'",
+                                               shape->naxis, lengths.data, path, hdu, places.data);
     rx_text_free(&lengths);
     rx_text_free(&places);
     return status;
@@ -386,12 +385,11 @@ static rx_status choose_hdu(const char *what, const char *name, const rx_fits_na
     if (parsed->extname[0] != '\0' && parsed->extver == 0 && tiles.n > 1)
         RX_TRY_EXIT(choose_version(parsed, own.version, hdu, err));
     if (*hdu < 0)
-        status = rx_error_at(
-            err, RX_INPUT, name, -1, 0,
-            "none of its %d images belongs to HDU %d%s%s of the tile (number %d of those processed); name "
-            "the %s with its HDU: '%s[n]'",
-            maps.n, place->hdu, own.name[0] != '\0' ? ", " : "", own.name, place->extension, what,
-            parsed->path);
+        status = rx_error_at(err, RX_INPUT, name, -1, 0,
+                             "none of its %d images belongs to HDU %d%s%s of the tile (number %d of those "
+                             "processed); name the %s with its HDU: '%s[n]'",
+                             maps.n, place->hdu, own.name[0] != '\0' ? ", " : "", own.name, place->extension,
+                             what, parsed->path);
 exit:
     free(maps.list);
     free(tiles.list);
@@ -462,10 +460,9 @@ static rx_status read_companion(const char *what, const char *name, const rx_til
     return status;
 }
 
-/* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default
- * 1e30), means no data; so does what is no noise at all: not a finite number, rms or variance <= 0.
- * An inverse variance is in units of the image, so that the noise that it states needs no scale; what is not above the
- * least one has none. */
+/* As SExtractor: a weight <= WEIGHT_THRESH (default 0), or an rms or a variance >= it (default 1e30), means no
+ * data; so does what is no noise at all: not a finite number, rms or variance <= 0. An inverse variance is in units
+ * of the image, so that the noise that it states needs no scale; what is not above the least one has none. */
 static void mask_by_weight(const rx_tile_params *par, rx_tile *tile)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height;
@@ -576,8 +573,8 @@ static rx_status read_flags(const companion *map, uint32_t *dst, rx_error *err)
             if (!whole || flags < least || flags > UINT32_MAX)
                 RX_TRY_EXIT(rx_error_at(
                     err, RX_INPUT, map->name.path, map->hdu, 0,
-                    whole ? "the flags %.0f of pixel (%ld,%ld) have bits beyond the 32 that "
-                            "IMAFLAGS_ISO holds; give a map of 32 bits"
+                    whole ? "the flags %.0f of pixel (%ld,%ld) have bits beyond the 32 that IMAFLAGS_ISO "
+                            "holds; give a map of 32 bits"
                           : "the flags %g of pixel (%ld,%ld) are no integer; give a map of integers",
                     flags, first[0] + (long)x, first[1] + (long)y));
             dst[y * width + x] = (uint32_t)(int64_t)flags;
@@ -647,11 +644,10 @@ static rx_status add_mask(const char *name, const rx_tile_place *place, rx_log *
         tile->mask[i] |=
             (uint8_t)((flags[i] & bad ? RX_MASK_WEIGHT : 0) | (flags[i] & full ? RX_MASK_SATURATED : 0));
     if (!named && !simple)
-        rx_log_warning(
-            log,
-            "%s[%d]: is a MASK of several bits and names none of them (MP_BAD, MP_SAT): it is left "
-            "out; FLAG_IMAGE '%s' puts its bits into IMAFLAGS_ISO",
-            map.name.path, map.hdu, name);
+        rx_log_warning(log,
+                       "%s[%d]: is a MASK of several bits and names none of them (MP_BAD, MP_SAT): it is "
+                       "left out; FLAG_IMAGE '%s' puts its bits into IMAFLAGS_ISO",
+                       map.name.path, map.hdu, name);
     *said = named ? " and the MASK (BAD, CR, NO_DATA, SAT)" : simple ? " and the MASK (1 is bad)" : "";
 exit:
     rx_fits_done(&map.source);

@@ -3,8 +3,6 @@
 #ifndef RX_IO_TILE_MAPS_H
 #define RX_IO_TILE_MAPS_H
 
-#include <stdbool.h>
-
 #include "base/log.h"
 #include "io/cards.h"
 #include "io/fits_file.h"

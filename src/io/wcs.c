@@ -281,8 +281,7 @@ static void take_frame(rx_wcs *wcs, rx_wcs_notes *notes)
         rx_wcs_note(details, "FK4 positions are taken to J2000 for the epoch 1950, without proper motions");
 }
 
-/* Parse, repair and set up for an image of that size; *why says what is missing when there is nothing to be
- * used. */
+/* Parse, repair and set up for an image of that size; *why says what is missing when there is nothing to be used. */
 static rx_status set_up(char *cards, size_t ncards, const int size[2], rx_wcs **dst, const char **why,
                         rx_error *err)
 {

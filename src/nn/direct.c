@@ -194,9 +194,8 @@ void rx_direct_load(rx_direct *d, const float *weights, const float *bias)
 rx_status rx_direct_new(const rx_conv_shape *shape, rx_direct_options options, const float *weights,
                         const float *bias, rx_direct **dst, rx_error *err)
 {
-    rx_direct *d = *dst = RX_NEW(rx_direct, 1);
-    if (d == NULL)
-        return rx_error_memory(err, sizeof *d);
+    RX_TRY(RX_MAKE(*dst, 1, err));
+    rx_direct *d = *dst;
     measure(shape, options, d);
     /* the lanes that a row of the kernel or the outputs do not fill are 0 */
     const size_t span = (size_t)(shape->kernel * d->words) + MOST_LANES;

@@ -40,10 +40,9 @@ void rx_direct_load(rx_direct *direct, const float *weights, const float *bias);
 void rx_direct_free(rx_direct *direct);                                          /* NULL is fine */
 int rx_direct_lanes(const rx_direct *direct); /* of the vectors that it works on */
 
-/* Columns [left, right) of rows [first, last) of y = relu?(add? + b + sum w x). The first row of x is the
- * first that row 0 of y reads. For fine, y is the plane of twice the size, while columns and rows are those
- * of x. add may not be y. The columns that are read must be there: left and right keep half a kernel from the
- * borders of x. */
+/* Columns [left, right) of rows [first, last) of y = relu?(add? + b + sum w x). The first row of x is the first
+ * that row 0 of y reads. For fine, y is the plane of twice the size, while columns and rows are those of x. add may
+ * not be y. The columns that are read must be there: left and right keep half a kernel from the borders of x. */
 void rx_direct_run(const rx_direct *direct, const rx_plane *x, const rx_plane *add, const rx_plane *y,
                    rx_direct_area area, float *scratch);
 size_t rx_direct_scratch(void); /* floats */

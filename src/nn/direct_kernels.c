@@ -336,19 +336,14 @@ static const choice bf16_choices[] = {EACH(CHOICE, 1)};
 #define bf16_choices choices
 #endif
 
-static row_function *row_of(const rx_direct *d)
-{
-    const choice *c = d->shape.x == RX_REAL_F32 ? choices : bf16_choices;
-    while (c->step != 0 && c->step != d->step)
-        c++;
-    return c->row[d->blocks - 1];
-}
-
 static void run_wide(const rx_direct *d, const rx_plane *x, const rx_plane *add, const rx_plane *y,
                      rx_direct_area area)
 {
     const rx_conv_shape *s = &d->shape;
-    row_function *row = row_of(d);
+    const choice *c = s->x == RX_REAL_F32 ? choices : bf16_choices;
+    while (c->step != 0 && c->step != d->step)
+        c++;
+    row_function *row = c->row[d->blocks - 1];
     const size_t line = (size_t)x->width * (size_t)d->words, block = (size_t)(LANES * d->blocks);
     const size_t line_y = (size_t)y->width * (size_t)s->out;
     const size_t all = (size_t)(s->kernel * s->kernel * d->words) * block;

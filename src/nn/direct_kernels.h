@@ -2,8 +2,6 @@
 #ifndef RX_NN_DIRECT_KERNELS_H
 #define RX_NN_DIRECT_KERNELS_H
 
-#include <stdint.h>
-
 #include "nn/plane.h"
 
 enum {

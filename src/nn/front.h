@@ -20,7 +20,6 @@
 #define RX_NN_FRONT_H
 
 #include <math.h>
-#include <stddef.h>
 
 #include "base/extern.h"
 

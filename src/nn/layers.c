@@ -236,30 +236,19 @@ static recipe recipe_of(const rx_node *n, int phase, int r, int s)
     return made;
 }
 
-/* Where the node keeps the kernel from channel i to o. */
-static size_t kernel_at(const rx_node *n, int in, int o, int i)
-{
-    int which = n->op == RX_OP_UPCONV ? o * in + i : i * n->channels + o;
-    return (size_t)which * (size_t)(n->kernel * n->kernel);
-}
-
-static size_t folded_at(const rx_node *n, int in, int phase, int o, int i)
-{
-    int k = rx_layer_folded_kernel(n);
-    return (((size_t)phase * (size_t)n->channels + (size_t)o) * (size_t)in + (size_t)i) * (size_t)(k * k);
-}
-
 /* folded = of the weights, or, back, weights += of the folded ones. */
 static void fold(const rx_node *node, int in, float *weights, float *folded, int back)
 {
-    int big = rx_layer_folded_kernel(node);
+    const int big = rx_layer_folded_kernel(node), out = node->channels;
+    const size_t area = (size_t)(node->kernel * node->kernel), big_area = (size_t)(big * big);
     for (int phase = 0; phase < 4; phase++)
         for (int rs = 0; rs < big * big; rs++) {
             recipe made = recipe_of(node, phase, rs / big, rs % big);
-            for (int o = 0; o < node->channels; o++)
+            for (int o = 0; o < out; o++)
                 for (int i = 0; i < in; i++) {
-                    float *own = weights + kernel_at(node, in, o, i);
-                    float *one = folded + folded_at(node, in, phase, o, i) + rs, sum = 0;
+                    float *own =
+                        weights + (size_t)(node->op == RX_OP_UPCONV ? o * in + i : i * out + o) * area;
+                    float *one = folded + (size_t)((phase * out + o) * in + i) * big_area + rs, sum = 0;
                     for (int e = 0; e < made.n; e++)
                         if (back)
                             own[made.element[e]] += made.share[e] * *one;

@@ -95,10 +95,9 @@ void rx_model_digest(const rx_model *model, char dst[RX_MODEL_DIGEST]);
  * bytes. Errors: RX_SYSTEM (disk, memory, or networks that do not fit the front). */
 rx_status rx_model_write(const rx_model *model, const char *path, const char *shown, rx_error *err);
 
-/* CHECKSUM and DATASUM are verified and everything else is checked before it is used. Errors: RX_INPUT (not
- * FITS, not a model, another format version, truncated, checksum wrong, nodes that make no network or none
- * that fits the front, parameters not finite or not as many as the nodes need, a dictionary that is no grid),
- * RX_SYSTEM. */
+/* CHECKSUM and DATASUM are verified and everything else is checked before it is used. Errors: RX_INPUT (not FITS,
+ * not a model, another format version, truncated, checksum wrong, nodes that make no network or none that fits
+ * the front, parameters not finite or not as many as the nodes need, a dictionary that is no grid), RX_SYSTEM. */
 rx_status rx_model_read(const char *path, rx_model **dst, rx_error *err);
 
 /* Several lines for a human: what it is, shape, cost, training, dictionary as a table (`-INFO`). */

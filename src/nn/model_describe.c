@@ -1,7 +1,6 @@
 /* A model in words. */
 #include <inttypes.h>
 #include <math.h>
-#include <stdio.h>
 
 #include "nn/model.h"
 
@@ -62,10 +61,8 @@ static void add_bins(rx_text *dst, const rx_model *model)
     rx_text_add(
         dst,
         "Noise: on the scale on which 0.1 % of the blurred pixels exceed 255; fainter images belong to the "
-        "last "
-        "bins. List: how hard the bin is, 0 "
-        "to 1; with active learning the share of its images that train. Recall: stars of S/N above 5; bias "
-        "and scatter: fluxes of stars of S/N above 12.\n");
+        "last bins. List: how hard the bin is, 0 to 1; with active learning the share of its images that "
+        "train. Recall: stars of S/N above 5; bias and scatter: fluxes of stars of S/N above 12.\n");
 }
 
 void rx_model_describe(const rx_model *model, rx_text *dst)
@@ -95,11 +92,10 @@ void rx_model_describe(const rx_model *model, rx_text *dst)
     rx_text_printf(dst, "Noise       correlated up to a factor of %.2f in the training; works up to %.2f\n",
                    model->factor, rx_model_factor(model));
     if (model->bins != NULL)
-        rx_text_printf(
-            dst,
-            "Brightness  of fields, up to %.0f noise units, of pixels up to %.0f; dark structure in "
-            "%g of the images\n",
-            rx_model_peak(model) / RX_NOISE_LEVEL_PEAK, rx_model_peak(model), model->dark);
+        rx_text_printf(dst,
+                       "Brightness  of fields, up to %.0f noise units, of pixels up to %.0f; dark structure "
+                       "in %g of the images\n",
+                       rx_model_peak(model) / RX_NOISE_LEVEL_PEAK, rx_model_peak(model), model->dark);
     add_nodes(dst, "node  ", model->restore);
     if (model->second != NULL)
         add_nodes(dst, "second", model->second);

@@ -152,22 +152,14 @@ static const char *model_fault(const rx_model *model, char *text, size_t size)
 static rx_status new_table(const char *name, long rows, const layout *of, int text_width, rx_table **dst,
                            rx_error *err)
 {
-    rx_table *table = *dst = rx_table_new((int)strlen(of->kinds));
-    if (table == NULL)
-        return rx_error_memory(err, 0);
-    free(table->name);
-    table->name = rx_strdup(name);
-    table->nrows = rows;
-    int bad = table->name == NULL;
-    for (int c = 0; c < table->ncolumns; c++) {
-        rx_column *column = &table->columns[c];
-        column->type = type_of(of->kinds[c]);
-        column->text_width = of->kinds[c] == 'T' ? text_width : 0;
-        snprintf(column->name, sizeof column->name, "%s", of->column[c].name);
-        column->data = rx_alloc((size_t)rows, (size_t)rx_column_element_size(column));
-        bad |= column->data == NULL;
+    rx_column like[sizeof of->column / sizeof *of->column] = {0};
+    int n = 0;
+    for (; of->kinds[n] != '\0'; n++) {
+        like[n].type = type_of(of->kinds[n]);
+        like[n].text_width = of->kinds[n] == 'T' ? text_width : 0;
+        snprintf(like[n].name, sizeof like[n].name, "%s", of->column[n].name);
     }
-    return bad ? rx_error_memory(err, 0) : RX_OK;
+    return rx_table_make(name, like, n, rows, dst, err);
 }
 
 static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char *name, rx_error *err)
@@ -179,7 +171,7 @@ static rx_status write_net(rx_fits_writer *writer, const rx_net *net, const char
     RX_TRY_EXIT(new_table(extname, net->nnodes, &node_layout, OP_WIDTH, &nodes, err));
     for (int i = 0; i < net->nnodes; i++) {
         const rx_node *n = &net->node[i];
-        snprintf((char *)nodes->columns[0].data + (size_t)i * OP_WIDTH, OP_WIDTH, "%s", rx_op_name(n->op));
+        rx_column_set(&nodes->columns[0], i, 0, rx_op_name(n->op));
         for (int c = 1; c < nodes->ncolumns; c++)
             memcpy((int32_t *)nodes->columns[c].data + i, (const char *)n + node_layout.column[c].offset,
                    sizeof(int32_t));

@@ -94,14 +94,6 @@ static void close_conv(conv *c)
     free(c->dbias);
 }
 
-/* Floats of scratch that the functions below overwrite. */
-static size_t conv_scratch(const conv *c)
-{
-    const rx_conv_shape *s = &c->shape;
-    const size_t channels = (size_t)(s->in > s->out ? s->in : s->out);
-    return rx_direct_scratch() + (size_t)(s->height + s->kernel) * (size_t)(s->width + s->kernel) * channels;
-}
-
 /* weights [out][in][k][k], bias [out]; both are copied. */
 static void load_conv(conv *c, const float *weights, const float *bias)
 {
@@ -226,7 +218,9 @@ static rx_status plan_node(rx_runner *r, int i, size_t *scratch, rx_error *err)
     if (fine)
         shape.relu = n->relu;
     RX_TRY(open_conv(&shape, fine, &me->conv, err));
-    const size_t mine = conv_scratch(&me->conv);
+    const size_t channels = (size_t)(shape.in > shape.out ? shape.in : shape.out);
+    const size_t mine = rx_direct_scratch() + (size_t)(shape.height + shape.kernel) *
+                                                  (size_t)(shape.width + shape.kernel) * channels;
     *scratch = mine > *scratch ? mine : *scratch;
     return RX_OK;
 }

@@ -13,6 +13,7 @@
 
 #include "base/log.h"
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "nn/direct.h"
 #include "nn/layers.h"
 
@@ -92,12 +93,6 @@ static int behind(const rx_node *n, int delay, int source)
     }
 }
 
-static void at_least(int value, int *dst)
-{
-    if (value > *dst)
-        *dst = value;
-}
-
 static void plan_bands(const rx_net *net, int step, const rx_node_planes *node, band *bands)
 {
     for (int i = 0; i < net->nnodes; i++) {
@@ -110,23 +105,20 @@ static void plan_bands(const rx_net *net, int step, const rx_node_planes *node, 
             continue;
         b->delay = delay_after(n, bands[n->src].delay);
         if (n->add >= 0)
-            at_least(bands[n->add].delay, &b->delay);
+            b->delay = rx_max_int(b->delay, bands[n->add].delay);
         if (n->op == RX_OP_SHUFFLE || n->op == RX_OP_UP2 || n->op == RX_OP_UPCONV ||
             n->op == RX_OP_TRANSPOSED) /* rows in pairs */
             b->delay += b->delay % 2;
         b->behind = behind(n, b->delay, bands[n->src].delay);
-        at_least(b->behind, &bands[n->src].history);
+        bands[n->src].history = rx_max_int(bands[n->src].history, b->behind);
         if (n->add < 0)
             continue;
         b->behind_add = b->delay - bands[n->add].delay;
-        at_least(b->behind_add, &bands[n->add].history);
+        bands[n->add].history = rx_max_int(bands[n->add].history, b->behind_add);
     }
     /* A row is moved once for two steps of its history's length at most. */
-    for (int i = 0; i < net->nnodes; i++) {
-        int more = 2 * bands[i].history;
-        at_least(bands[i].rows, &more);
-        bands[i].room = bands[i].history + more;
-    }
+    for (int i = 0; i < net->nnodes; i++)
+        bands[i].room = bands[i].history + rx_max_int(2 * bands[i].history, bands[i].rows);
 }
 
 static size_t raw_bytes(const rx_net *net, const rx_node_planes *node)
@@ -296,16 +288,9 @@ static rx_direct_area area_of(const rx_stream *s, int i, int first, int height)
                         .right = ((s->width - s->halo) >> level) + margin,
                         .first = begin - margin - first,
                         .last = ((s->halo + height) >> level) + margin - first};
-    at_least(0, &a.first);
-    if (a.last > s->band[i].rows)
-        a.last = s->band[i].rows;
+    a.first = rx_max_int(a.first, 0);
+    a.last = rx_min_int(a.last, s->band[i].rows);
     return a;
-}
-
-/* The same in a plane of half the size. */
-static rx_direct_area half_area(rx_direct_area a)
-{
-    return (rx_direct_area){a.left / 2, half_up(a.right), a.first / 2, half_up(a.last)};
 }
 
 static double flops_of(const rx_stream *s, int i, rx_direct_area area)
@@ -384,12 +369,13 @@ rx_status rx_stream_run(rx_stream *stream, int height, const rx_stream_ends *end
             const int first = t * stream->band[i].rows - stream->band[i].delay;
             if (t > 0)
                 move_on(&stream->band[i]);
-            const int folds = rx_node_folds(&stream->net->node[i]);
             const rx_direct_area area = area_of(stream, i, first, height);
             if (area.first >= area.last)
                 continue;
+            const rx_direct_area half = {area.left / 2, half_up(area.right), area.first / 2,
+                                         half_up(area.last)};
             if (i > 0)
-                step_node(stream, i, folds ? half_area(area) : area);
+                step_node(stream, i, rx_node_folds(&stream->net->node[i]) ? half : area);
             else
                 ends->give(ends->user, first - stream->halo, stream->step, plane_at(stream, 0, 0).data);
         }

@@ -22,8 +22,7 @@ typedef struct rx_stream_ends {
     /* rows[n][width + 2 halo][channels] of the input, from row y and column -halo on, to be filled; y may be
      * -halo .. height + halo + what a step takes */
     void (*give)(void *user, int y, int n, float *rows);
-    /* rows[n][width + 2 halo][channels] of the output, 0 <= y < height; only columns 0 .. width - 1 mean
-     * anything */
+    /* rows[n][width + 2 halo][channels] of the output, 0 <= y < height; only columns 0 .. width - 1 mean anything */
     void (*take)(void *user, int y, int n, const float *rows);
 } rx_stream_ends;
 

@@ -2,7 +2,6 @@
 #include "quality/image_metrics.h"
 
 #include <math.h>
-#include <stdbool.h>
 #include <stdlib.h>
 
 #include "base/memory.h"

@@ -152,8 +152,7 @@ static void count_reference(fine_counts *c, int i, double mag, int found, double
     c->found[i] += found ? times : 0.0;
 }
 
-/* The falling curve nearest to the shares, in place: where one rises, it and its neighbours take their mean.
- */
+/* The falling curve nearest to the shares, in place: where one rises, it and its neighbours take their mean. */
 static void make_fall(int n, double *share, const double *weight)
 {
     double value[FINE], sum[FINE];

@@ -324,7 +324,7 @@ static rx_status measure_pixels(rx_tile_quality *q, rx_error *err)
 
 /* --- remarks --- */
 
-static void remark(rx_tile_quality *q, const char *key, int bad, const char *format, ...) RX_PRINTF(4, 5);
+RX_PRINTF(4, 5)
 static void remark(rx_tile_quality *q, const char *key, int bad, const char *format, ...)
 {
     if (q->nremarks == RX_TILE_REMARKS)

@@ -391,8 +391,7 @@ static void add_svg(rx_text *dst, const char *id, const char *title, const char 
     }
 }
 
-/* *dst NULL when the file is not there or cannot be an SVG; one that is there and cannot be read is an error.
- */
+/* *dst NULL when the file is not there or cannot be an SVG; one that is there and cannot be read is an error. */
 static rx_status read_svg(const char *folder, const char *id, const char *title, char **dst, rx_error *err)
 {
     rx_text path = {0}, svg = {0};

@@ -1,6 +1,5 @@
 /* The common kinds of plots: curves, boxes, grey-scale pictures, numbers in colour. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -179,14 +178,10 @@ static void box_block(rx_text *dst, int ngroups, int nmethods, int method, const
         const rx_five_numbers *b = &boxes[(size_t)g * (size_t)nmethods + (size_t)method];
         if (b->n == 0)
             continue;
-        rx_plot_value(dst, g + 0.8 * ((method + 0.5) / nmethods - 0.5));
-        rx_plot_value(dst, b->low);
-        rx_plot_value(dst, b->q1);
-        rx_plot_value(dst, b->median);
-        rx_plot_value(dst, b->q3);
-        rx_plot_value(dst, b->high);
-        rx_plot_value(dst, b->mean);
-        rx_plot_value(dst, 0.8 * 0.75 / nmethods);
+        const double x = g + 0.8 * ((method + 0.5) / nmethods - 0.5), width = 0.8 * 0.75 / nmethods;
+        const double row[] = {x, b->low, b->q1, b->median, b->q3, b->high, b->mean, width};
+        for (size_t i = 0; i < sizeof row / sizeof *row; i++)
+            rx_plot_value(dst, row[i]);
         rx_text_add(dst, "\n");
     }
     rx_text_add(dst, "EOD\n");

@@ -313,9 +313,8 @@ static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)
     const double wrong = 0.01, last = judged->growth[judged->nradii - 1].radius;
     double most = 2.0 * wrong;
     rx_curves c = {0};
-    for (int side = -1; side <= 1; side += 2) {
+    for (int side = -1; side <= 1; side += 2)
         rx_curves_reference(&c, 0.0, side * wrong, last, side * wrong);
-    }
     rx_curves_add(&c, RX_CURVE_BAND, 0, "stars - PSF");
     for (int i = 0; i < judged->nradii; i++) {
         const rx_psf_growth *g = &judged->growth[i];

@@ -292,14 +292,14 @@ static void counts(rx_figures *dst, const rx_tile_quality *q)
             rx_curves_put(&c, end ? high : low, here * pow(10, GALAXIES * ((end ? high : low) - at)), NAN,
                           NAN);
     }
-    rx_curves_figure(
-        dst, "tile-counts", "Counts",
-        "Bars: square roots of the counts. The line has the slope of galaxies (0.4 dex per mag), through the "
-        "counts 1.5 mag before they turn over; stars of the Galaxy are flatter at the bright end. Where "
-        "counts fall the tile is not complete.",
-        &(rx_axes){"MAG_AUTO [mag]", side > 0 ? "sources per mag and deg^2" : "sources per mag and Mpixel",
-                   low, high, 0.5 / area, 3 * most, false, true},
-        &c);
+    rx_curves_figure(dst, "tile-counts", "Counts",
+                     "Bars: square roots of the counts. The line has the slope of galaxies (0.4 dex per "
+                     "mag), through the counts 1.5 mag before they turn over; stars of the Galaxy are "
+                     "flatter at the bright end. Where counts fall the tile is not complete.",
+                     &(rx_axes){"MAG_AUTO [mag]",
+                                side > 0 ? "sources per mag and deg^2" : "sources per mag and Mpixel", low,
+                                high, 0.5 / area, 3 * most, false, true},
+                     &c);
 }
 
 /* A source on the original pixels and on each restored image, means of `step` pixels, beside each other. */
@@ -388,8 +388,7 @@ static void add_figures(rx_figures *dst, const rx_tile_quality *q)
         snprintf(title, sizeof title, "%s: what the model leaves", run->about->name);
         snprintf(reading, sizeof reading,
                  "Width of fluxes of point sources fitted to empty places, in their errors: 1 where the "
-                 "noise is all "
-                 "there is. %.0f %% of the cells are not explained; %g and above is one colour.",
+                 "noise is all there is. %.0f %% of the cells are not explained; %g and above is one colour.",
                  100 * run->unexplained, PULL_MOST);
         draw_map(dst, q, &run->pull, &(map){id, title, reading, "width [errors]", PULL_MOST});
     }

@@ -140,8 +140,7 @@ static double outline_area(const component *c)
 
 /* Where whole cells will not do. The midpoint rule outside a radius R errs by h^2 / 24 times the integral of
  * the Laplacian there, -2 pi R dI/dR at R: h^2 / 24 2 pi I |dlnI/dlnR|. That is held below ERROR of the flux,
- * but no more than FEW cells around the centre are quartered for it. What is left is known, and is added.
- */
+ * but no more than FEW cells around the centre are quartered for it. What is left is known, and is added. */
 static void set_split(component *c, double flux, double power, double steepness)
 {
     double most = fmin(FEW * FEW * c->widest, 1.0), error = 0.0;

@@ -1,11 +1,8 @@
-/* Noise of detector and sky. Every pixel's numbers come from (seed, stream, pixel), so nothing depends on
- * threads. */
+/* Noise of detector and sky. Every pixel's numbers come from (seed, stream, pixel), so nothing depends on threads. */
 #ifndef RX_SIMULATE_NOISE_H
 #define RX_SIMULATE_NOISE_H
 
 #include <stdint.h>
-
-#include "base/error.h"
 
 typedef enum rx_noise_type { RX_NOISE_NONE, RX_NOISE_GAUSS, RX_NOISE_CCD } rx_noise_type;
 
@@ -38,9 +35,8 @@ void rx_noise_expose(const rx_noise_params *par, int width, int height, float *p
  * 1.4e11), single precision. */
 void rx_noise_normals(uint64_t seed, uint64_t stream, uint64_t first, long n, float *dst);
 
-/* Poisson deviate of that mean (exact inversion for small, PTRS of Hormann 1993 for large means; above 1e12
- * the rounded normal of that width, which cannot be distinguished). 0 for a mean that is not above 0. number < 2^48.
- */
+/* Poisson deviate of that mean (exact inversion for small, PTRS of Hormann 1993 for large means; above 1e12 the
+ * rounded normal of that width, which cannot be distinguished). 0 for a mean that is not above 0. number < 2^48. */
 double rx_noise_poisson(double mean, uint64_t seed, uint64_t stream, uint64_t number);
 
 /* Cosmic rays: charge along short straight tracks.

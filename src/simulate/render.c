@@ -17,9 +17,8 @@
 
 /* --- stars: points between the cells of a grid --- */
 
-/* A sinc in a Kaiser window: a point at any place between the cells becomes STAR_TAPS^2 of them. Its spectrum
- * is flat to 2e-5 up to RX_STAR_BAND cycles per cell, and as low beyond 1 - RX_STAR_BAND; the sum over the
- * cells is 1. */
+/* A sinc in a Kaiser window: a point at any place between the cells becomes STAR_TAPS^2 of them. Its spectrum is flat
+ * to 2e-5 up to RX_STAR_BAND cycles per cell, and as low beyond 1 - RX_STAR_BAND; the sum over the cells is 1. */
 enum { STAR_TAPS = 20 };
 
 /* Kaiser's window (Kaiser 1974): shape for a ripple of 1e-5, half width in cells; the band that is left flat

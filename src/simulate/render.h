@@ -17,8 +17,7 @@ enum { RX_RENDER_BLOCK = 1024 }; /* pixels: tiles up to this side are one block 
 
 /* images[i] [height][width] += scene through optics[i], i < n: the blurred tile and the sharp reference share
  * the grid. Objects partly or wholly outside count with what falls inside. Memory: about 12 cells^2 bytes per
- * pixel of a block and its margin, the stamp's half side around it. Errors: RX_SYSTEM memory,
- * RX_INTERRUPTED. */
+ * pixel of a block and its margin, the stamp's half side around it. Errors: RX_SYSTEM memory, RX_INTERRUPTED. */
 rx_status rx_render(const rx_scene *scene, int n, const rx_optics *const *optics, float *const *images,
                     int nthreads, rx_error *err);
 

@@ -49,9 +49,8 @@ typedef struct rx_object {
     double x, y; /* 0-based */
     double flux; /* ADU */
     double mag;
-    /* half-light radius along the major axis; 0 for stars. A galaxy's: of the ellipse of the disk's ratio
-     * that holds half of the light (as if without a bar); a template's: of a round aperture, over sqrt(ratio)
-     */
+    /* half-light radius along the major axis; 0 for stars. A galaxy's: of the ellipse of the disk's ratio that
+     * holds half of the light (as if without a bar); a template's: of a round aperture, over sqrt(ratio) */
     double radius;
     double ratio, angle; /* b/a of the disk (of a template: as turned), position of its major axis */
     /* galaxies: Sersic bulge + exponential disk, arms and bar as modulations of the disk */

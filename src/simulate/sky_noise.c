@@ -30,8 +30,7 @@ static rx_status filter_spectrum(const rx_noise_correlation *noise, rx_unit unit
     for (int u = 0; u < half; u++)
         for (int v = 0; v < h; v++) {
             float *value = spectrum + 2 * ((size_t)u * complex + (size_t)v);
-            /* the half that is not stored holds the same again, but for u = 0 and, of an even width, the last
-             */
+            /* the half that is not stored holds the same again, but for u = 0 and, of an even width, the last */
             double twice = u == 0 || 2 * u == w ? 1.0 : 2.0;
             value[0] = fmaxf(value[0], 0.0f);
             value[1] = 0.0f;

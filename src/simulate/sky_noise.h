@@ -2,8 +2,6 @@
 #ifndef RX_SIMULATE_SKY_NOISE_H
 #define RX_SIMULATE_SKY_NOISE_H
 
-#include <stdint.h>
-
 #include "base/error.h"
 #include "base/random.h"
 #include "data/map.h"

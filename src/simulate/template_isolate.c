@@ -206,8 +206,7 @@ static void measure_shape(rx_template *dst)
     dst->angle = 0.5 * atan2(2.0 * xy, xx - yy);
 }
 
-/* Radius of half the light around the centroid: growth in steps of 1/20 pixel, pixels in 5 x 5 equal parts.
- */
+/* Radius of half the light around the centroid: growth in steps of 1/20 pixel, pixels in 5 x 5 equal parts. */
 static rx_status measure_radius(rx_template *dst, rx_error *err)
 {
     enum { PARTS = 5, STEPS = 20 };

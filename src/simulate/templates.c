@@ -15,6 +15,7 @@
 #include "io/fits_read.h"
 #include "io/tile.h"
 #include "psf/psf.h"
+#include "psf/psf_files.h"
 
 #define PIXEL_FWHM2 0.46209812037 /* 8 ln 2 / 12: a pixel as a Gaussian of its variance */
 
@@ -29,12 +30,6 @@ typedef struct reading {
 } reading;
 
 /* --- names --- */
-
-static const char *base_name(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash != NULL ? slash + 1 : path;
-}
 
 /* Length of a path without its FITS extension, 0 when it has none. */
 static size_t stem_length(const char *path)
@@ -58,7 +53,7 @@ static int is_file(const char *path)
 /* a_b_c.fits -> a_b_c_psf.fits, a_b_psf.fits or a_psf.fits, the first that there is; 0: none. */
 static int psf_of(const char *path, char *dst)
 {
-    size_t length = stem_length(path), start = (size_t)(base_name(path) - path);
+    size_t length = stem_length(path), start = (size_t)(rx_psf_base_name(path) - path);
     while (length > start && length < NAME - 16) {
         snprintf(dst, NAME, "%.*s_psf.fits", (int)length, path);
         if (is_file(dst))
@@ -146,7 +141,7 @@ static rx_status add_image(reading *to, const char *path, int hdu, double sky, d
     RX_TRY(rx_interrupt_check(err));
     RX_TRY(rx_tile_read(&par, path, hdu, 1, NULL, &tile, err));
     source.pixel_scale = tile->pixel_scale > 0.0 ? tile->pixel_scale : to->pixel_scale;
-    snprintf(source.name, sizeof source.name, "%.64s[%d]", base_name(path), hdu);
+    snprintf(source.name, sizeof source.name, "%.64s[%d]", rx_psf_base_name(path), hdu);
     rx_status status;
     RX_TRY_EXIT(rx_template_isolate(tile->pixels, tile->mask, tile->width, tile->height, sky, &source, err));
     if (source.pixels != NULL && psf[0] != '\0' && source.snr >= to->min_snr)
@@ -204,7 +199,7 @@ static double number_in(const rx_table *table, const char *name, long row, doubl
 /* File of that column beside the catalogue; "" when there is none. */
 static void file_in(const rx_table *table, const char *name, long row, const char *catalogue, char *dst)
 {
-    int column = rx_table_find(table, name), folder = (int)(base_name(catalogue) - catalogue);
+    int column = rx_table_find(table, name), folder = (int)(rx_psf_base_name(catalogue) - catalogue);
     dst[0] = '\0';
     if (column < 0 || table->columns[column].type != RX_CELL_TEXT)
         return;
@@ -229,7 +224,7 @@ static rx_status add_catalogue(reading *to, const char *path, const rx_table *ta
             return rx_error_at(
                 err, RX_INPUT, path, -1, 0,
                 "row %ld names the image file %s, which is not there; put it beside the catalogue", row + 1,
-                base_name(image));
+                rx_psf_base_name(image));
         if (psf[0] != '\0' && psf_hdu >= 0.0 && psf_hdu < 1e6)
             snprintf(psf + strlen(psf), NAME - strlen(psf), "[%d]", (int)psf_hdu);
         else

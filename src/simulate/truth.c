@@ -2,11 +2,6 @@
 #include "simulate/truth.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-#include "base/memory.h"
 
 typedef enum truth_column {
     TRUTH_NUMBER,
@@ -98,18 +93,6 @@ static int is_inside(const rx_scene *scene, const rx_object *object)
            object->y < scene->height - 0.5;
 }
 
-static void set_cell(rx_column *dst, long row, double number, const char *text)
-{
-    if (dst->type == RX_CELL_TEXT) /* memory is zeroed and the last byte stays */
-        strncpy((char *)dst->data + row * dst->text_width, text, (size_t)dst->text_width - 1);
-    else if (dst->type == RX_CELL_INT32)
-        ((int32_t *)dst->data)[row] = (int32_t)number;
-    else if (dst->type == RX_CELL_FLOAT)
-        ((float *)dst->data)[row] = (float)number;
-    else
-        ((double *)dst->data)[row] = number;
-}
-
 rx_status rx_truth_table(const rx_scene *scene, rx_wcs *wcs, int all, rx_table **dst, rx_error *err)
 {
     rx_column like[TRUTH_COLUMNS];
@@ -130,8 +113,8 @@ rx_status rx_truth_table(const rx_scene *scene, rx_wcs *wcs, int all, rx_table *
             continue;
         numbers_of(object, i + 1, wcs, numbers);
         for (int k = 0; k < n; k++)
-            set_cell(&(*dst)->columns[k], row, numbers[shown[k]],
-                     text_of(scene, object, (truth_column)shown[k]));
+            rx_column_set(&(*dst)->columns[k], row, numbers[shown[k]],
+                          text_of(scene, object, (truth_column)shown[k]));
         row++;
     }
     return RX_OK;

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "base/memory.h"
+#include "base/min_max.h"
 #include "base/names.h"
 #include "data/map.h"
 #include "io/fits_write.h"
@@ -70,6 +71,11 @@ static int measured_hidden(const rx_checkimage_data *data, size_t i)
     return image != NULL ? image->mask[i] != 0 : (data->result->measure->image.mask[i] & RX_HIDE_PLAIN) != 0;
 }
 
+static void paint_map(rx_map map, picture *dst)
+{
+    rx_map_fill(&map, dst->height, 1, dst->pixels);
+}
+
 /* Above the sky; hidden pixels of an image that was not restored are 0. */
 static void paint_measured(const rx_checkimage_data *data, picture *dst)
 {
@@ -78,8 +84,7 @@ static void paint_measured(const rx_checkimage_data *data, picture *dst)
         memcpy(dst->pixels, image->pixels, npixels(dst) * sizeof(float));
         return;
     }
-    const rx_map level = rx_background_level(measured_sky(data));
-    rx_map_fill(&level, dst->height, 1, dst->pixels);
+    paint_map(rx_background_level(measured_sky(data)), dst);
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] =
             measured_hidden(data, i) ? 0.0f : data->result->measure->image.pixels[i] - dst->pixels[i];
@@ -94,20 +99,17 @@ static void paint_identical(const rx_checkimage_data *data, picture *dst)
 
 static void paint_background(const rx_checkimage_data *data, picture *dst)
 {
-    const rx_map level = rx_background_level(measured_sky(data));
-    rx_map_fill(&level, dst->height, 1, dst->pixels);
+    paint_map(rx_background_level(measured_sky(data)), dst);
 }
 
 static void paint_rms(const rx_checkimage_data *data, picture *dst)
 {
-    const rx_map noise = rx_background_noise(sky_of(data));
-    rx_map_fill(&noise, dst->height, 1, dst->pixels);
+    paint_map(rx_background_noise(sky_of(data)), dst);
 }
 
 static void paint_restored(const rx_checkimage_data *data, picture *dst)
 {
-    const rx_map level = rx_background_level(sky_of(data));
-    rx_map_fill(&level, dst->height, 1, dst->pixels);
+    paint_map(rx_background_level(sky_of(data)), dst);
     for (size_t i = 0; i < npixels(dst); i++)
         dst->pixels[i] = hidden(data, i) ? NAN : data->result->restored->pixels[i] + dst->pixels[i];
 }
@@ -179,8 +181,7 @@ static void paint_support(const rx_checkimage_data *data, picture *dst)
  * none did. */
 static void paint_fitted_noise(const rx_checkimage_data *data, picture *dst)
 {
-    const rx_map noise = rx_background_noise(data->result->measure->restored);
-    rx_map_fill(&noise, dst->height, 1, dst->pixels);
+    paint_map(rx_background_noise(data->result->measure->restored), dst);
     for (size_t i = 0; i < npixels(dst); i++)
         if (data->result->templates.tphot == NULL ||
             (data->result->measure->image.mask[i] & RX_HIDE_RESTORED) != 0 || !(dst->pixels[i] > 0.0f))
@@ -197,23 +198,23 @@ static void paint_template_residual(const rx_checkimage_data *data, picture *dst
 
 static void paint_template_model(const rx_checkimage_data *data, picture *dst)
 {
+    const rx_tphot *tphot = data->result->templates.tphot;
     for (size_t i = 0; i < npixels(dst); i++)
-        dst->pixels[i] =
-            data->result->templates.tphot != NULL ? data->result->templates.tphot->model[i] : NAN;
+        dst->pixels[i] = tphot != NULL ? tphot->model[i] : NAN;
 }
 
 /* In sigmas of sky and photons. */
 static void paint_template_chi(const rx_checkimage_data *data, picture *dst)
 {
+    const rx_tphot *tphot = data->result->templates.tphot;
     const double gain = data->result->measure->image.gain;
     paint_fitted_noise(data, dst);
     for (size_t i = 0; i < npixels(dst); i++) {
         if (isnan(dst->pixels[i]))
             continue;
-        const double sigma = (double)dst->pixels[i], model = (double)data->result->templates.tphot->model[i];
+        const double sigma = (double)dst->pixels[i], model = (double)tphot->model[i];
         const double photons = gain > 0.0 && model > 0.0 ? model / gain : 0.0;
-        dst->pixels[i] =
-            (float)((double)data->result->templates.tphot->residual[i] / sqrt(sigma * sigma + photons));
+        dst->pixels[i] = (float)((double)tphot->residual[i] / sqrt(sigma * sigma + photons));
     }
 }
 
@@ -260,32 +261,27 @@ static void paint_apertures(const rx_checkimage_data *data, picture *dst)
 }
 
 /* One pixel per background mesh, the value of the full map at the mesh centre. */
-static void paint_mesh(const rx_checkimage_data *data, const rx_map *map, picture *dst)
+static void paint_mesh(const rx_checkimage_data *data, rx_map map, picture *dst)
 {
     int nx = (dst->width - 1) / data->mesh_width + 1, ny = (dst->height - 1) / data->mesh_height + 1;
-    for (int j = 0; j < ny; j++) {
+    for (int j = 0; j < ny; j++)
         for (int i = 0; i < nx; i++) {
-            int x = i * data->mesh_width + data->mesh_width / 2,
-                y = j * data->mesh_height + data->mesh_height / 2;
-            x = x < dst->width ? x : dst->width - 1;
-            y = y < dst->height ? y : dst->height - 1;
-            dst->pixels[(size_t)j * (size_t)nx + (size_t)i] = rx_map_at(map, x, y);
+            const int x = rx_min_int(i * data->mesh_width + data->mesh_width / 2, dst->width - 1);
+            const int y = rx_min_int(j * data->mesh_height + data->mesh_height / 2, dst->height - 1);
+            dst->pixels[(size_t)j * (size_t)nx + (size_t)i] = rx_map_at(&map, x, y);
         }
-    }
     dst->width = nx;
     dst->height = ny;
 }
 
 static void paint_miniback(const rx_checkimage_data *data, picture *dst)
 {
-    const rx_map level = rx_background_level(measured_sky(data));
-    paint_mesh(data, &level, dst);
+    paint_mesh(data, rx_background_level(measured_sky(data)), dst);
 }
 
 static void paint_miniback_rms(const rx_checkimage_data *data, picture *dst)
 {
-    const rx_map noise = rx_background_noise(measured_sky(data));
-    paint_mesh(data, &noise, dst);
+    paint_mesh(data, rx_background_noise(measured_sky(data)), dst);
 }
 
 /* SEGMENTATION and PSF have no painter: integers, and a table. `measured`: it shows the measurement image, and has
@@ -385,11 +381,10 @@ static rx_status write_psf(checkimage *image, const rx_checkimage_data *data, rx
     rx_table *table = NULL;
     rx_status status;
     if (psf == NULL)
-        rx_log_warning(
-            data->log,
-            "%s[%d]: no PSF is known: CHECKIMAGE_TYPE PSF holds NaN for it, as psfex writes it, and "
-            "cannot be read as a PSF; give PSF_FWHM or a PSF file",
-            tile->name, tile->hdu);
+        rx_log_warning(data->log,
+                       "%s[%d]: no PSF is known: CHECKIMAGE_TYPE PSF holds NaN for it, as psfex writes it, "
+                       "and cannot be read as a PSF; give PSF_FWHM or a PSF file",
+                       tile->name, tile->hdu);
     RX_TRY_EXIT(rx_psf_psfex_table(psf, &table, &cards, err));
     rx_fits_digest_table(table, digest);
     RX_TRY_EXIT(make_cards(image, data, digest, &cards, err));

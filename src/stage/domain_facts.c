@@ -2,7 +2,6 @@
 #include "stage/domain_facts.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "data/facts.h"

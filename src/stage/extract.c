@@ -61,13 +61,25 @@ rx_status rx_run_open(rx_run *run, const rx_options *options, const rx_restorer 
                                &run->images, err);
 }
 
+/* One more sentence in the account. */
+static void add_account(rx_run *run, const char *text)
+{
+    size_t used = strlen(run->account);
+    snprintf(run->account + used, sizeof run->account - used, "; %s", text);
+}
+
+/* The same, and in the full log. */
+static void tell_account(rx_run *run, const rx_tile *tile, const char *text, rx_log *log)
+{
+    rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
+    add_account(run, text);
+}
+
 /* What was found of the fluxes, for log and report. */
 static void account(rx_run *run, const work *w, rx_log *log)
 {
-    const rx_tile *tile = w->detect->tile;
     const rx_fluxcheck *check = &run->flux;
-    const char *settings = w->result.restored->settings;
-    snprintf(run->account, sizeof run->account, "%s", settings);
+    snprintf(run->account, sizeof run->account, "%s", w->result.restored->settings);
     if (check->n == 0)
         return;
     char text[256];
@@ -76,15 +88,7 @@ static void account(rx_run *run, const work *w, rx_log *log)
              "pixels, FLUX_AUTO %.3f +- %.3f of these",
              check->n, check->wide, check->wide_error, check->diameter, check->automatic,
              check->automatic_error);
-    rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
-    snprintf(run->account, sizeof run->account, "%s; %s", settings, text);
-}
-
-/* One more sentence in the account. */
-static void add_account(rx_run *run, const char *text)
-{
-    size_t used = strlen(run->account);
-    snprintf(run->account + used, sizeof run->account - used, "; %s", text);
+    tell_account(run, w->detect->tile, text, log);
 }
 
 /* What the template fit found. */
@@ -97,20 +101,17 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
     run->invented_per_mpixel = fit->per_mpixel;
     if (!run->tested)
         return;
-    snprintf(
-        text, sizeof text,
-        "templates: %d sources in %d groups (largest %d), %d of them added from the residual; %d (%.3g per "
-        "Mpixel) not significant in the untouched pixels%s; residual chi2 %.3f",
-        fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented, fit->per_mpixel,
-        fit->dropped > 0 ? ", dropped" : "", fit->chi2);
-    rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
+    snprintf(text, sizeof text,
+             "templates: %d sources in %d groups (largest %d), %d of them added from the residual; %d (%.3g "
+             "per Mpixel) not significant in the untouched pixels%s; residual chi2 %.3f",
+             fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented,
+             fit->per_mpixel, fit->dropped > 0 ? ", dropped" : "", fit->chi2);
+    tell_account(run, tile, text, log);
     if (rx_spurious_are_many(fit->invented, w->result.sources->n + fit->dropped))
-        rx_log_warning(
-            log,
-            "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, PSF "
-            "and GAIN those of these pixels? If so, raise DETECT_THRESH",
-            tile->name, tile->hdu, run->label, fit->invented, w->result.sources->n + fit->dropped);
-    add_account(run, text);
+        rx_log_warning(log,
+                       "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, "
+                       "PSF and GAIN those of these pixels? If so, raise DETECT_THRESH",
+                       tile->name, tile->hdu, run->label, fit->invented, w->result.sources->n + fit->dropped);
 }
 
 /* For the record of a survey: what the log has warned of. */
@@ -190,13 +191,10 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
 /* What the network's model says of this tile. */
 static rx_status tell_domain(rx_run *run, const work *w, rx_log *log, rx_error *err)
 {
-    const rx_tile *tile = w->detect->tile;
     rx_text text = {0};
     rx_domain_text(&run->domain, &text);
-    if (!text.failed && text.length > 0) {
-        rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
-        add_account(run, text.data);
-    }
+    if (!text.failed && text.length > 0)
+        tell_account(run, w->detect->tile, text.data, log);
     rx_status status = text.failed ? rx_error_memory(err, 0) : RX_OK;
     rx_text_free(&text);
     return status;
@@ -223,14 +221,11 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
     if (status == RX_OK && blank->realisations > 0)
         rx_log_info(log,
                     "%s[%d]: %s: blank check: %.3g false detections per Mpixel (%.3g to %.3g at 95 %%, from "
-                    "%ld in %.2g "
-                    "Mpixel of noise)",
+                    "%ld in %.2g Mpixel of noise)",
                     tile->name, tile->hdu, run->label, blank->rate.value, blank->rate.low, blank->rate.high,
                     blank->false_detections, blank->mpixels);
-    if (status == RX_OK && text.length > 0) {
-        rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text.data);
-        add_account(run, text.data);
-    }
+    if (status == RX_OK && text.length > 0)
+        tell_account(run, tile, text.data, log);
     rx_text_free(&text);
     return status;
 }
@@ -399,13 +394,11 @@ void rx_runs_warn(const rx_run *runs, int n, const rx_tile *tile, rx_log *log)
         warn_of_misfit(runs, n, (rx_misfit)cause, tile, log);
     for (int i = 0; i < n; i++)
         if (runs[i].is_dark)
-            rx_log_warning(
-                log,
-                "%s[%d]: %s: %.0f %% of the tile's boxes of 32 pixels lie below the sky, which the network "
-                "was "
-                "not trained for (RXDARK; sources there have FLAGS_RESTORE 64): is its sky right, are there "
-                "dark clouds?",
-                tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].misfit.dark);
+            rx_log_warning(log,
+                           "%s[%d]: %s: %.0f %% of the tile's boxes of 32 pixels lie below the sky, which "
+                           "the network was not trained for (RXDARK; sources there have FLAGS_RESTORE 64): "
+                           "is its sky right, are there dark clouds?",
+                           tile->name, tile->hdu, runs[i].label, 100.0 * runs[i].misfit.dark);
     for (int i = 0; i < n; i++)
         if (runs[i].by != NULL)
             rx_log_warning(log, "%s[%d]: %s: done by %s, %s", tile->name, tile->hdu, runs[i].kind->name,

@@ -85,37 +85,30 @@ static rx_status open_field(const rx_options *options, int what, const rx_job_im
 enum { X, Y, MAG, GALAXY, ROUND, FOUND, MAG_FOUND, NCOLUMNS };
 
 static const rx_column injected_columns[NCOLUMNS] = {
-    [X] = {.type = RX_CELL_DOUBLE,
-           .name = "X_IMAGE",
-           .unit = "pixel",
-           .description = "Where it was injected, x from 1"},
-    [Y] = {.type = RX_CELL_DOUBLE, .name = "Y_IMAGE", .unit = "pixel", .description = "The same in y"},
-    [MAG] = {.type = RX_CELL_DOUBLE, .name = "MAG", .unit = "mag", .description = "Its magnitude"},
-    [GALAXY] = {.type = RX_CELL_INT16, .name = "GALAXY", .description = "1: a galaxy, 0: a star"},
-    [ROUND] = {.type = RX_CELL_INT32,
-               .name = "ROUND",
-               .description = "Copy of the tile it was injected into, from 1"},
-    [FOUND] = {.type = RX_CELL_INT16, .name = "FOUND", .description = "1: it was found"},
-    [MAG_FOUND] = {.type = RX_CELL_DOUBLE,
-                   .name = "MAG_FOUND",
-                   .unit = "mag",
-                   .description = "As measured (QA_MAG), NaN: not found"}};
+    [X] = {"X_IMAGE", "pixel", "", "Where it was injected, x from 1", .type = RX_CELL_DOUBLE},
+    [Y] = {"Y_IMAGE", "pixel", "", "The same in y", .type = RX_CELL_DOUBLE},
+    [MAG] = {"MAG", "mag", "", "Its magnitude", .type = RX_CELL_DOUBLE},
+    [GALAXY] = {"GALAXY", "", "", "1: a galaxy, 0: a star", .type = RX_CELL_INT16},
+    [ROUND] = {"ROUND", "", "", "Copy of the tile it was injected into, from 1", .type = RX_CELL_INT32},
+    [FOUND] = {"FOUND", "", "", "1: it was found", .type = RX_CELL_INT16},
+    [MAG_FOUND] = {"MAG_FOUND", "mag", "", "As measured (QA_MAG), NaN: not found", .type = RX_CELL_DOUBLE}};
 
 static rx_status list_injected(const rx_selfcheck *check, rx_table **dst, rx_error *err)
 {
     const rx_qa_list *truth = &check->truth, *found = &check->found_list;
     RX_TRY(rx_table_make("INJECTED", injected_columns, NCOLUMNS, truth->n, dst, err));
-    const rx_column *columns = (*dst)->columns;
     for (long i = 0; i < truth->n; i++) {
         const long j = check->partner[i];
         const double round = floor((truth->x[i] + 1.0) / check->pitch);
-        ((double *)columns[X].data)[i] = truth->x[i] - round * check->pitch + 1.0;
-        ((double *)columns[Y].data)[i] = truth->y[i] + 1.0;
-        ((double *)columns[MAG].data)[i] = truth->mag[i];
-        ((int16_t *)columns[GALAXY].data)[i] = check->is_galaxy[i];
-        ((int32_t *)columns[ROUND].data)[i] = (int32_t)round + 1;
-        ((int16_t *)columns[FOUND].data)[i] = j >= 0;
-        ((double *)columns[MAG_FOUND].data)[i] = j >= 0 ? found->mag[j] : NAN;
+        const double values[NCOLUMNS] = {[X] = truth->x[i] - round * check->pitch + 1.0,
+                                         [Y] = truth->y[i] + 1.0,
+                                         [MAG] = truth->mag[i],
+                                         [GALAXY] = check->is_galaxy[i],
+                                         [ROUND] = round + 1,
+                                         [FOUND] = j >= 0,
+                                         [MAG_FOUND] = j >= 0 ? found->mag[j] : NAN};
+        for (int c = 0; c < NCOLUMNS; c++)
+            rx_column_set(&(*dst)->columns[c], i, values[c], NULL);
     }
     return RX_OK;
 }

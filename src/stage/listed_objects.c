@@ -21,10 +21,9 @@ static rx_status find_columns(const char *path, const rx_table *list, bool *sky,
 {
     *sky = *sky && rx_catalog_find_positions(list, true, &position[0], &position[1]);
     if (!*sky && !rx_catalog_find_positions(list, false, &position[0], &position[1]))
-        return rx_error_at(
-            err, RX_INPUT, path, -1, 0,
-            "has no columns of positions; call them X_IMAGE and Y_IMAGE, pixels from 1, or on a tile "
-            "with celestial coordinates ALPHA_J2000 and DELTA_J2000");
+        return rx_error_at(err, RX_INPUT, path, -1, 0,
+                           "has no columns of positions; call them X_IMAGE and Y_IMAGE, pixels from 1, or on "
+                           "a tile with celestial coordinates ALPHA_J2000 and DELTA_J2000");
     for (int i = 0; i < 2; i++)
         RX_TRY(rx_catalog_need_numbers(path, list, position[i], err));
     for (int i = 0; i < NUMBERS; i++) {

@@ -2,7 +2,6 @@
  * than one keyword, on columns or on files. */
 #include "stage/options.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -69,11 +68,10 @@ static rx_status read_model(rx_options *options, rx_log *log, rx_error *err)
             rx_log_warning(log, "%s: its training has not ended, it is of epoch %ld after %ld", path.data,
                            model->best, model->epochs);
         else
-            status = rx_error_at(
-                err, RX_INPUT, path.data, -1, 0,
-                "its training has not ended, it is of epoch %ld after %ld; let it end, or name the "
-                "model by NET_MODEL to take it as it is",
-                model->best, model->epochs);
+            status = rx_error_at(err, RX_INPUT, path.data, -1, 0,
+                                 "its training has not ended, it is of epoch %ld after %ld; let it end, or "
+                                 "name the model by NET_MODEL to take it as it is",
+                                 model->best, model->epochs);
     }
 exit:
     rx_text_free(&path);
@@ -207,10 +205,9 @@ static rx_status template_options(rx_options *dst, rx_error *err)
     par->par.covariance = dst->covariance_name[0] != '\0';
     const int injected = rx_columns_mention(dst->columns, "_INJECTED");
     if (injected && !dst->check.self_check)
-        return rx_error_set(
-            err, RX_USAGE,
-            "MAGERR_INJECTED and MAGERR95_INJECTED come from objects that SELF_CHECK injects; give "
-            "SELF_CHECK Y, or leave out these columns");
+        return rx_error_set(err, RX_USAGE,
+                            "MAGERR_INJECTED and MAGERR95_INJECTED come from objects that SELF_CHECK "
+                            "injects; give SELF_CHECK Y, or leave out these columns");
     /* checks inject objects and look at their fluxes without a reference catalogue, too */
     dst->check.templates = par->drop || compared || injected;
     for (int i = 0; i < dst->nchecks; i++)
@@ -254,10 +251,9 @@ static rx_status file_options(const rx_config *cfg, rx_options *dst, rx_error *e
         par->file_psf = cfg->restored_psf;
     }
     if (par->file_fwhm < 0 || (par->file_fwhm == 0 && (par->file_psf == NULL || par->file_psf[0] == '\0')))
-        return rx_error_set(
-            err, RX_USAGE,
-            "RESTORE_TYPE FILE needs the PSF of the restored pixels; give RESTORED_PSF its FWHM in "
-            "pixels, or the file of its image");
+        return rx_error_set(err, RX_USAGE,
+                            "RESTORE_TYPE FILE needs the PSF of the restored pixels; give RESTORED_PSF its "
+                            "FWHM in pixels, or the file of its image");
     return RX_OK;
 }
 
@@ -269,8 +265,7 @@ static rx_status position_options(const rx_config *cfg, rx_options *dst, rx_erro
     if (dst->catalog_type == RX_CATALOG_NONE || strcmp(dst->catalog_name, "STDOUT") == 0)
         return rx_error_set(err, RX_USAGE,
                             "fluxes at the positions of POSITIONS_NAME go into a file beside the catalogue; "
-                            "give CATALOG_NAME "
-                            "a file's name, and CATALOG_TYPE not NONE");
+                            "give CATALOG_NAME a file's name, and CATALOG_TYPE not NONE");
     return rx_position_list_read(cfg->positions_name, &dst->positions, err);
 }
 

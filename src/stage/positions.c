@@ -53,10 +53,9 @@ rx_status rx_position_list_read(const char *path, rx_table **dst, rx_error *err)
         if (there)
             RX_TRY_EXIT(rx_catalog_need_numbers(path, list, y, err));
         if (sky == 1 && !known)
-            RX_TRY_EXIT(
-                rx_error_at(err, RX_INPUT, path, -1, 0,
-                            "no position columns were recognised; call them ALPHA_J2000 and DELTA_J2000, or "
-                            "X_IMAGE and Y_IMAGE"));
+            RX_TRY_EXIT(rx_error_at(err, RX_INPUT, path, -1, 0,
+                                    "no position columns were recognised; call them ALPHA_J2000 and "
+                                    "DELTA_J2000, or X_IMAGE and Y_IMAGE"));
     }
     *dst = list;
     list = NULL;

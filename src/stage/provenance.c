@@ -2,7 +2,6 @@
 #include "stage/provenance.h"
 
 #include <gnu/libc-version.h>
-#include <stdio.h>
 #include <string.h>
 #include <sys/stat.h>
 

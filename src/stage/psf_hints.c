@@ -30,14 +30,13 @@ static rx_status mark_stars(const rx_pipeline_params *params, const rx_image *im
     const bool sky = rx_catalog_find_positions(list->table, true, &column[0], &column[1]);
     par.world = sky && image->wcs != NULL;
     if (!par.world && !rx_catalog_find_positions(list->table, false, &column[0], &column[1]))
-        RX_TRY_EXIT(
-            sky ? rx_error_at(err, RX_INPUT, image->name, image->hdu, 0,
-                              "has no celestial coordinates, and PSF_STARS_NAME '%s' holds no pixels; "
-                              "give columns X_IMAGE and Y_IMAGE",
-                              file)
-                : rx_error_at(err, RX_INPUT, file, -1, 0,
-                              "holds no positions of stars; give columns X_IMAGE and Y_IMAGE (pixels), or "
-                              "ALPHA_J2000 and DELTA_J2000 (or RA and DEC; degrees)"));
+        RX_TRY_EXIT(sky ? rx_error_at(err, RX_INPUT, image->name, image->hdu, 0,
+                                      "has no celestial coordinates, and PSF_STARS_NAME '%s' holds no "
+                                      "pixels; give columns X_IMAGE and Y_IMAGE",
+                                      file)
+                        : rx_error_at(err, RX_INPUT, file, -1, 0,
+                                      "holds no positions of stars; give columns X_IMAGE and Y_IMAGE "
+                                      "(pixels), or ALPHA_J2000 and DELTA_J2000 (or RA and DEC; degrees)"));
     for (int i = list->columns - 1; i >= 0; i--) { /* the first element of a vector */
         par.x = list->of[i] == column[0] ? i + 1 : par.x;
         par.y = list->of[i] == column[1] ? i + 1 : par.y;

@@ -35,19 +35,6 @@ static const rx_column IMAGES[] = {
 };
 enum { NIMAGES = sizeof IMAGES / sizeof *IMAGES };
 
-static void put(rx_table *table, int column, long row, double number, const char *text)
-{
-    rx_column *c = &table->columns[column];
-    if (c->type == RX_CELL_TEXT)
-        snprintf((char *)c->data + row * c->text_width, (size_t)c->text_width, "%s", text);
-    else if (c->type == RX_CELL_INT32)
-        ((int32_t *)c->data)[row] = (int32_t)number;
-    else if (c->type == RX_CELL_INT64)
-        ((int64_t *)c->data)[row] = (int64_t)number;
-    else
-        ((double *)c->data)[row] = number;
-}
-
 static rx_status images_table(const rx_tile_facts *facts, rx_table **dst, rx_error *err)
 {
     long rows = 0;
@@ -81,7 +68,7 @@ static rx_status images_table(const rx_tile_facts *facts, rx_table **dst, rx_err
                                  {run->guard.unexplained, NULL},
                                  {e->psf.stars, NULL}};
             for (int c = 0; c < NIMAGES; c++)
-                put(*dst, c, rows, values[c].number, values[c].text);
+                rx_column_set(&(*dst)->columns[c], rows, values[c].number, values[c].text);
         }
     return RX_OK;
 }
@@ -98,7 +85,7 @@ static rx_status warnings_table(const rx_text *warnings, rx_table **dst, rx_erro
     RX_TRY(rx_table_make("Warnings", &text, 1, n, dst, err));
     n = 0;
     for (size_t at = 0; at < warnings->length; at += strlen(warnings->data + at) + 1, n++)
-        put(*dst, 0, n, 0, warnings->data + at);
+        rx_column_set(&(*dst)->columns[0], n, 0, warnings->data + at);
     return RX_OK;
 }
 

@@ -26,8 +26,7 @@
 
 /* --- what a real tile says of the objects that are added --- */
 
-/* MAG_ZEROPOINT where it was set by hand, else what the tile states (0, the stage's default, states nothing).
- */
+/* MAG_ZEROPOINT where it was set by hand, else what the tile states (0, the stage's default, states nothing). */
 static double zeropoint_of(const rx_simulate_config *config, const rx_tile *tile, rx_log *log)
 {
     if (rx_settings_was_set(&config->settings, "MAG_ZEROPOINT") != RX_FROM_DEFAULT)

@@ -254,10 +254,9 @@ rx_status rx_stage_run(const rx_config *config, const char *image, FILE *standar
     if (j->record.failed || !rx_name_split_images(image, &j->detect, &j->measure))
         RX_TRY_EXIT(rx_error_memory(err, 0));
     if (j->measure != NULL && (options->check.self_check || options->check.blank_check > 0))
-        RX_TRY_EXIT(
-            rx_error_set(err, RX_USAGE,
-                         "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or "
-                         "the checks"));
+        RX_TRY_EXIT(rx_error_set(
+            err, RX_USAGE,
+            "SELF_CHECK and BLANK_CHECK speak of one image; leave out the second one, or the checks"));
     RX_TRY_EXIT(rx_outputs_new(&j->outputs, err));
     RX_TRY_EXIT(run_all(j, err));
     rx_outputs_log(j->outputs, strcmp(options->catalog_name, "STDOUT") == 0 ? "standard output" : NULL, log);

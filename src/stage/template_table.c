@@ -8,32 +8,15 @@
 enum { EXTENSION, FIRST, SECOND, COVARIANCE, CORRELATION, NCOLUMNS };
 
 static const rx_column columns[NCOLUMNS] = {
-    [EXTENSION] = {.type = RX_CELL_INT32,
-                   .name = "EXT_NUMBER",
-                   .ucd = "meta.id;meta.dataset",
-                   .format = "%3d",
-                   .description = "Number of the image extension, from 1"},
-    [FIRST] = {.type = RX_CELL_INT32,
-               .name = "NUMBER_1",
-               .ucd = "meta.record",
-               .format = "%10d",
-               .description = "NUMBER of a source"},
-    [SECOND] = {.type = RX_CELL_INT32,
-                .name = "NUMBER_2",
-                .ucd = "meta.record",
-                .format = "%10d",
-                .description = "NUMBER of another one of its group"},
-    [COVARIANCE] = {.type = RX_CELL_DOUBLE,
-                    .name = "COVAR_TEMPLATE",
-                    .unit = "count**2",
-                    .ucd = "stat.covariance;phot.flux",
-                    .format = "%15.8e",
-                    .description = "Covariance of their FLUX_TEMPLATE"},
-    [CORRELATION] = {.type = RX_CELL_DOUBLE,
-                     .name = "CORREL_TEMPLATE",
-                     .ucd = "stat.correlation;phot.flux",
-                     .format = "%8.5f",
-                     .description = "The same over both errors"},
+    [EXTENSION] = {"EXT_NUMBER", "", "meta.id;meta.dataset", "Number of the image extension, from 1", "%3d",
+                   .type = RX_CELL_INT32},
+    [FIRST] = {"NUMBER_1", "", "meta.record", "NUMBER of a source", "%10d", .type = RX_CELL_INT32},
+    [SECOND] = {"NUMBER_2", "", "meta.record", "NUMBER of another one of its group", "%10d",
+                .type = RX_CELL_INT32},
+    [COVARIANCE] = {"COVAR_TEMPLATE", "count**2", "stat.covariance;phot.flux",
+                    "Covariance of their FLUX_TEMPLATE", "%15.8e", .type = RX_CELL_DOUBLE},
+    [CORRELATION] = {"CORREL_TEMPLATE", "", "stat.correlation;phot.flux", "The same over both errors",
+                     "%8.5f", .type = RX_CELL_DOUBLE},
 };
 
 rx_status rx_template_table(const rx_tphot *tphot, const rx_sources *sources, int extension, rx_table **dst,
@@ -56,11 +39,14 @@ rx_status rx_template_table(const rx_tphot *tphot, const rx_sources *sources, in
         const double covariance = tphot->pairs[i].covariance;
         if (a == NULL || b == NULL)
             continue;
-        ((int32_t *)table->columns[EXTENSION].data)[row] = extension;
-        ((int32_t *)table->columns[FIRST].data)[row] = a->number;
-        ((int32_t *)table->columns[SECOND].data)[row] = b->number;
-        ((double *)table->columns[COVARIANCE].data)[row] = covariance;
-        ((double *)table->columns[CORRELATION].data)[row++] = covariance / (a->fit.fluxerr * b->fit.fluxerr);
+        const double values[NCOLUMNS] = {[EXTENSION] = extension,
+                                         [FIRST] = a->number,
+                                         [SECOND] = b->number,
+                                         [COVARIANCE] = covariance,
+                                         [CORRELATION] = covariance / (a->fit.fluxerr * b->fit.fluxerr)};
+        for (int c = 0; c < NCOLUMNS; c++)
+            rx_column_set(&table->columns[c], row, values[c], NULL);
+        row++;
     }
     *dst = table;
 exit:

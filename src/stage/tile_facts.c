@@ -21,10 +21,9 @@ int rx_psf_account_is_lower(const rx_psf_account *psf)
 /* Stars on the sky, ellipses with north up and east left: a star of position angle p has e = |e| exp(2 i p). */
 static rx_status correlate(const rx_tile *tile, const rx_psf_judged *judged, rx_rho *dst, rx_error *err)
 {
-    rx_rho_star *stars = RX_NEW(rx_rho_star, (size_t)judged->nstars + 1);
+    rx_rho_star *stars;
     int n = 0;
-    if (stars == NULL)
-        return rx_error_memory(err, 0);
+    RX_TRY(RX_MAKE(stars, (size_t)judged->nstars + 1, err));
     for (int i = 0; i < judged->nstars; i++) {
         const rx_psf_star *s = &judged->star[i];
         rx_rho_star *to = &stars[n];

@@ -257,9 +257,8 @@ rx_status rx_rollup_outliers(rx_rollup *r, rx_error *err)
 /* --- trends --- */
 
 RX_COLUMNS(TRENDS, RX_TEXT("card", "of the header (RECORD_CARDS)"),
-           {.name = "run", .help = "restorer; empty: of the image alone", .heading = "restorer"},
-           RX_TEXT("quantity", NULL), RX_COUNT("images", "with both"),
-           RX_NUMBER("rho", 3, "", "rank correlation (Spearman)"),
+           RX_TEXT("run", "restorer; empty: of the image alone", "restorer"), RX_TEXT("quantity", NULL),
+           RX_COUNT("images", "with both"), RX_NUMBER("rho", 3, "", "rank correlation (Spearman)"),
            RX_NUMBER("sigmas", 1, "", "of no correlation"));
 
 typedef struct trend {

@@ -15,43 +15,36 @@ static const char ERROR[] = "1 sigma", NO_RECORD[] = "no record: it was not run,
 
 /* What every table of a run ends with. */
 #define CELL                                                                                                 \
-    {"recall", RX_REPORT_ESTIMATE, 3, "", "share of references found", NULL},                                \
-        {"precision", RX_REPORT_ESTIMATE, 3, "", "share of detections that are references", NULL},           \
-        {"pairs", RX_REPORT_COUNT, 0, "", "matches with both magnitudes", NULL},                             \
-        {"bias_mag", RX_REPORT_NUMBER, 4, "mag", "median of m - m0", "bias"},                                \
-    {                                                                                                        \
-        "scatter_mag", RX_REPORT_NUMBER, 4, "mag", "sigma_MAD of m - m0", "scatter"                          \
-    }
+    RX_ESTIMATE("recall", 3, "", "share of references found"),                                               \
+        RX_ESTIMATE("precision", 3, "", "share of detections that are references"),                          \
+        RX_COUNT("pairs", "matches with both magnitudes"),                                                   \
+        RX_NUMBER("bias_mag", 4, "mag", "median of m - m0", "bias"),                                         \
+        RX_NUMBER("scatter_mag", 4, "mag", "sigma_MAD of m - m0", "scatter")
 
-RX_COLUMNS(RUNS, {.name = "run", .heading = "restorer"}, RX_COUNT("images", ""),
-           {"done_by_another", RX_REPORT_COUNT, 0, "", "images that another restorer did",
-            "by another restorer"},
-           {"outside", RX_REPORT_COUNT, 0, "", "images that it was not made for", "not made for"},
-           {"flux_scale_off", RX_REPORT_COUNT, 0, "", "images with a wrong flux scale", "flux scale off"},
-           {"threshold_raised", RX_REPORT_COUNT, 0, "", "images whose DETECT_THRESH was raised",
-            "threshold raised"},
-           {"not_explained", RX_REPORT_COUNT, 0, "", "images that the restored one does not explain",
-            "not explained"},
+RX_COLUMNS(RUNS, RX_TEXT("run", NULL, "restorer"), RX_COUNT("images", ""),
+           RX_COUNT("done_by_another", "images that another restorer did", "by another restorer"),
+           RX_COUNT("outside", "images that it was not made for", "not made for"),
+           RX_COUNT("flux_scale_off", "images with a wrong flux scale", "flux scale off"),
+           RX_COUNT("threshold_raised", "images whose DETECT_THRESH was raised", "threshold raised"),
+           RX_COUNT("not_explained", "images that the restored one does not explain", "not explained"),
            RX_COUNT("sources", "in the catalogues"), CELL);
 
 RX_COLUMNS(BINS, RX_TEXT("run", "restorer"), RX_NUMBER("mag_low", 1, "mag", "from"),
            RX_NUMBER("mag_high", 1, "mag", "below"), CELL);
 
-RX_COLUMNS(OUTLIERS, RX_TEXT("tile", "name"), {"hdu", RX_REPORT_NUMBER, 0, "", "its HDU", "HDU"},
-           {"off", RX_REPORT_NUMBER, 1, "", "robust sigmas from the others in what is worst", "sigmas"},
-           RX_TEXT("why", ""), RX_TEXT("image", "file"),
-           {"page", RX_REPORT_FILE, 0, "", "of the tile (QA_TYPE TILE)", NULL});
+RX_COLUMNS(OUTLIERS, RX_TEXT("tile", "name"), RX_NUMBER("hdu", 0, "", "its HDU", "HDU"),
+           RX_NUMBER("off", 1, "", "robust sigmas from the others in what is worst", "sigmas"),
+           RX_TEXT("why", ""), RX_TEXT("image", "file"), RX_LINK("page", "of the tile (QA_TYPE TILE)"));
 
 RX_COLUMNS(NOT_FINE, RX_TEXT("tile", "name"), RX_TEXT("image", "file"),
-           {"exit_status", RX_REPORT_NUMBER, 0, "", "none: without a record", "exit status"},
-           {.name = "error", .heading = "why"});
+           RX_NUMBER("exit_status", 0, "", "none: without a record", "exit status"),
+           RX_TEXT("error", NULL, "why"));
 
-RX_COLUMNS(PSFS, RX_TEXT("tile", "name"), {"hdu", RX_REPORT_COUNT, 0, "", "its HDU", "HDU"},
-           {.name = "how", .help = "how its PSF came about (RXPSFHOW)", .heading = "PSF"},
+RX_COLUMNS(PSFS, RX_TEXT("tile", "name"), RX_COUNT("hdu", "its HDU", "HDU"),
+           RX_TEXT("how", "how its PSF came about (RXPSFHOW)", "PSF"),
            RX_COUNT("stars", "that it was fitted to"),
            RX_COUNT("reserved", "stars that were not fitted, for what follows"),
-           {"flux_error", RX_REPORT_NUMBER, 4, "", "relative error of fluxes from the PSF",
-            "error of fluxes"},
+           RX_NUMBER("flux_error", 4, "", "relative error of fluxes from the PSF", "error of fluxes"),
            RX_NUMBER("growth", 4, "", "curve of growth, largest stars - PSF"),
            RX_NUMBER("residual", 4, "", "stacked stars - PSF, largest, share of the peak"),
            RX_NUMBER("dt", 4, "", "mean (T - T of PSF) / T"), RX_NUMBER("dt_error", 4, "", ERROR),
@@ -65,12 +58,8 @@ RX_COLUMNS(RHO, RX_NUMBER("arcmin_low", 2, "arcmin", "between two stars, from"),
            RX_NUMBER("rho_t", 6, "", "mean of the product of both dT/T"),
            RX_NUMBER("rho_t_error", 6, "", ERROR));
 
-#define COLUMN(name, kind, help, heading)                                                                    \
-    {                                                                                                        \
-        name, kind, 0, "", help, heading                                                                     \
-    }
 #define SHOWN(column, cell) column,
-#define FACT(name, digits, unit, help, heading, ...) {name, RX_REPORT_NUMBER, digits, unit, help, heading},
+#define FACT(name, digits, unit, help, heading, ...) RX_NUMBER(name, digits, unit, help, heading),
 #define COMPARED(...)
 static const rx_report_column TILES[] = {
 #include "survey/rollup_facts.def"
@@ -79,7 +68,6 @@ static const rx_report_column TILES[] = {
 #undef FACT
 
 #define VALUES(cell) (cell).recall, (cell).precision, (cell).pairs, (cell).bias, (cell).scatter
-#define COUNT(columns) ((int)(sizeof(columns) / sizeof *(columns)))
 
 /* --- tables --- */
 
@@ -175,7 +163,7 @@ static rx_report_table *add_tiles(rx_report *report, const rx_rollup *all, const
         const rx_rollup_row *r = all->row[i];
         const rx_extension_facts *e = r->image;
         const rx_run_facts *f = r->facts;
-        const rx_cell cells[COUNT(TILES)] = {
+        const rx_cell cells[RX_LENGTH(TILES)] = {
 #include "survey/rollup_facts.def"
             RX_CELL(r->cell.recall), RX_CELL(r->cell.precision), RX_CELL(r->cell.pairs),
             RX_CELL(r->cell.bias), RX_CELL(r->cell.scatter)};
@@ -219,7 +207,7 @@ static void add_facts(rx_report *report, const rx_rollup *r)
             rx_report_fact_number(report, i ? "mag_high" : "mag_low", range[i]);
         else
             rx_report_fact(report, i ? "mag_high" : "mag_low", NULL);
-    for (int i = 0; i < COUNT(counts); i++)
+    for (int i = 0; i < RX_LENGTH(counts); i++)
         rx_report_fact_number(report, counts[i].name, counts[i].n);
     snprintf(word, sizeof word, "%d of %d tiles are fine:", r->fine, r->ntiles + r->nmissing);
     snprintf(sentence, sizeof sentence,

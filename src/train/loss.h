@@ -41,8 +41,7 @@ void rx_loss_light(const rx_loss *loss, const float *out, const float *truth, do
 typedef struct rx_ffl rx_ffl;
 rx_status rx_ffl_new(int side, int margin, rx_ffl **dst, rx_error *err);
 void rx_ffl_free(rx_ffl *ffl); /* NULL is fine */
-/* value += scale * term; gradient[side][side] += its gradient by out (NULL: not wanted). Allocates nothing.
- */
+/* value += scale * term; gradient[side][side] += its gradient by out (NULL: not wanted). Allocates nothing. */
 void rx_ffl_add(rx_ffl *ffl, const float *out, const float *truth, double scale, double *value,
                 float *gradient);
 

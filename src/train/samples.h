@@ -60,9 +60,8 @@ typedef struct rx_samples_params {
 
 typedef struct rx_samples rx_samples; /* keeps fields that later epochs need */
 
-/* `config`: SIM. keywords for the population (its size, noise and PSF keywords have no effect here). It is
- * not kept. Errors: RX_USAGE a PSF that does not fit a patch and its frame; those of reading
- * templates; RX_SYSTEM. */
+/* `config`: SIM. keywords for the population (its size, noise and PSF keywords have no effect here). It is not
+ * kept. Errors: RX_USAGE a PSF that does not fit a patch and its frame; those of reading templates; RX_SYSTEM. */
 rx_status rx_samples_new(const rx_samples_params *par, const rx_selection *grid,
                          const rx_simulate_config *config, int nthreads, rx_log *log, rx_samples **dst,
                          rx_error *err);

@@ -2,7 +2,6 @@
 #include "train/selection.h"
 
 #include <math.h>
-#include <stdlib.h>
 
 #include "base/memory.h"
 #include "base/random.h"

@@ -104,10 +104,9 @@ static rx_status begin_with(const char *path, rx_model *model, rx_error *err)
         if (from[k] == NULL || to[k] == NULL)
             continue;
         if (!same_networks(from[k], to[k]))
-            RX_TRY_EXIT(
-                rx_error_at(err, RX_USAGE, path, -1, 0,
-                            "its network has another shape; set WIDTH, BLOCKS, STEM, DECODER and KERNELS as "
-                            "rextract-train -INFO shows them"));
+            RX_TRY_EXIT(rx_error_at(err, RX_USAGE, path, -1, 0,
+                                    "its network has another shape; set WIDTH, BLOCKS, STEM, DECODER and "
+                                    "KERNELS as rextract-train -INFO shows them"));
         memcpy(to[k]->params, from[k]->params, (size_t)from[k]->nparams * sizeof *to[k]->params);
     }
 exit:
@@ -123,11 +122,10 @@ rx_status rx_setup_model(const rx_train_config *config, rx_model **dst, rx_error
     rx_text record = {0};
     rx_status status;
     if (config->target_fwhm >= config->fwhm_range.v[1])
-        return rx_error_set(
-            err, RX_USAGE,
-            "TARGET_FWHM %g: no PSF of FWHM_RANGE %g,%g is wider, nothing would be restored; give "
-            "a smaller one",
-            config->target_fwhm, config->fwhm_range.v[0], config->fwhm_range.v[1]);
+        return rx_error_set(err, RX_USAGE,
+                            "TARGET_FWHM %g: no PSF of FWHM_RANGE %g,%g is wider, nothing would be restored; "
+                            "give a smaller one",
+                            config->target_fwhm, config->fwhm_range.v[0], config->fwhm_range.v[1]);
     rx_model *model = rx_model_new();
     if (model == NULL)
         return rx_error_memory(err, sizeof *model);

@@ -19,10 +19,9 @@ rx_step_params rx_setup_step(const rx_train_config *config);
 
 rx_samples_params rx_setup_samples(const rx_train_config *config);
 
-/* "KEYWORD value" lines. RECORD: what decides the bytes of the model and is not at its default, for the model
- * file; ALL: every keyword that decides them, for the checkpoint. Names of outputs, threads and what only the page
- * uses are in neither; EPOCHS, PATIENCE and CLIP_IMAGE, which may change when a training goes on, are in RECORD
- * alone. */
+/* "KEYWORD value" lines. RECORD: what decides the bytes of the model and is not at its default, for the model file;
+ * ALL: every keyword that decides them, for the checkpoint. Names of outputs, threads and what only the page uses
+ * are in neither; EPOCHS, PATIENCE and CLIP_IMAGE, which may change when a training goes on, are in RECORD alone. */
 typedef enum rx_setup_lines { RX_SETUP_RECORD, RX_SETUP_ALL } rx_setup_lines;
 rx_status rx_setup_text(const rx_train_config *config, rx_setup_lines which, rx_text *dst, rx_error *err);
 

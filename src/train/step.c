@@ -11,6 +11,7 @@
 
 #include "base/memory.h"
 #include "nn/deblur.h"
+#include "nn/layers.h"
 #include "nn/rl_step.h"
 #include "nn/runner.h"
 #include "num/convolve.h"
@@ -116,10 +117,9 @@ static rx_status check(const rx_model *model, const rx_step_params *par, int sid
     if (side < 4)
         return rx_error_set(err, RX_USAGE, "training images of %d pixels; give 4 or more", side);
     if (uses_psf && model->psf == NULL)
-        return rx_error_set(
-            err, RX_USAGE,
-            "this loss needs the PSF network, which the model does not have; set LOSS_IDT_PSF, "
-            "LOSS_REC and LOSS_REC_PSF to 0");
+        return rx_error_set(err, RX_USAGE,
+                            "this loss needs the PSF network, which the model does not have; set "
+                            "LOSS_IDT_PSF, LOSS_REC and LOSS_REC_PSF to 0");
     if (model->front.rl_steps < 0 || model->front.rl_steps > RX_FRONT_STEPS)
         return rx_error_set(err, RX_USAGE, "training through %d Richardson-Lucy steps; give 0 to %d",
                             model->front.rl_steps, (int)RX_FRONT_STEPS);
@@ -359,8 +359,7 @@ static void back_through_steps(rx_step *s, stage *stage, const float *dout, floa
         rx_rl_step_backward(stage->rl[i], s->work, s->before, dx != NULL ? s->other : NULL);
         if (dx != NULL) {
             from_plane(s, s->other, s->slope);
-            for (size_t k = 0; k < s->pixels; k++)
-                dx[k] += s->slope[k];
+            rx_layer_add(s->slope, dx, s->pixels);
         }
         float *done = s->work;
         s->work = s->before;
@@ -423,8 +422,7 @@ static void collect_first(rx_step *s, float *dx)
         to_plane(s, s->slope, s->work);
         rx_correlate(s->fft, s->tikhonov, s->work, s->half, s->work);
         from_plane(s, s->work, s->slope);
-        for (size_t k = 0; k < s->pixels; k++)
-            dx[k] += s->slope[k];
+        rx_layer_add(s->slope, dx, s->pixels);
     }
 }
 
@@ -502,12 +500,6 @@ static void clear(const rx_step *s, float *plane)
     memset(plane, 0, s->pixels * sizeof *plane);
 }
 
-static void add_back(const rx_step *s)
-{
-    for (size_t k = 0; k < s->pixels; k++)
-        s->gradient[k] += s->back[k];
-}
-
 /* RESTORE(x) against y, and PSF(RESTORE(x)) against x. */
 static void run_blurred(rx_step *s, const rx_sample *sample, float *gradient, rx_step_values *values)
 {
@@ -538,7 +530,7 @@ static void run_blurred(rx_step *s, const rx_sample *sample, float *gradient, rx
         add_pixels(s, par->rec_psf, s->blurred, sample->x, &values->rec_psf, &values->total, s->inner);
         if (gradient != NULL) {
             blur_back(s, s->inner, gradient, s->back);
-            add_back(s);
+            rx_layer_add(s->back, s->gradient, s->pixels);
         }
     }
     if (gradient != NULL)
@@ -560,7 +552,7 @@ static void run_sharp(rx_step *s, const rx_sample *sample, float *gradient, rx_s
         add_pixels(s, par->rec_restore, s->again, sample->y, &values->rec_restore, &values->total, s->inner);
         if (gradient != NULL) {
             restore_back(s, s->inner, gradient, s->back);
-            add_back(s);
+            rx_layer_add(s->back, s->gradient, s->pixels);
         }
     }
     if (gradient != NULL)

@@ -18,7 +18,7 @@ static const char RECALL[] = "of test stars of S/N above 5",
                   SCATTER[] = "1.4826 MAD of the same";
 
 RX_COLUMNS(LOG, RX_COUNT("epoch", "from 1"), RX_NUMBER("steps", 0, "", "steps of the optimiser so far"),
-           {"patches", RX_REPORT_NUMBER, 0, "", "training images so far", "images"},
+           RX_NUMBER("patches", 0, "", "training images so far", "images"),
            RX_NUMBER("rate", 6, "", "learning rate of the last step"),
            RX_NUMBER("gradient", 3, "", "mean norm of the gradient before clipping"),
            RX_NUMBER("loss", 5, "", "weighted sum of the terms, mean over the training images"),
@@ -28,11 +28,10 @@ RX_COLUMNS(LOG, RX_COUNT("epoch", "from 1"), RX_NUMBER("steps", 0, "", "steps of
            RX_NUMBER("rec_psf", 5, "", "PSF(RESTORE(blurred)) against blurred"),
            RX_NUMBER("light", 5, "", "RESTORE(blurred) against sharp, both smoothed"),
            RX_NUMBER("ffl", 5, "", "focal frequency loss"),
-           {"test_loss", RX_REPORT_NUMBER, 5, "",
-            "RESTORE(blurred) against sharp, test images, mean over the bins", "test loss"},
-           {"input_loss", RX_REPORT_NUMBER, 5, "", "the blurred test images themselves against sharp",
-            "unrestored"},
-           RX_NUMBER("recall", 3, "", RECALL), {"bias", RX_REPORT_NUMBER, 4, "", BIAS, "error of fluxes"},
+           RX_NUMBER("test_loss", 5, "", "RESTORE(blurred) against sharp, test images, mean over the bins",
+                     "test loss"),
+           RX_NUMBER("input_loss", 5, "", "the blurred test images themselves against sharp", "unrestored"),
+           RX_NUMBER("recall", 3, "", RECALL), RX_NUMBER("bias", 4, "", BIAS, "error of fluxes"),
            RX_NUMBER("scatter", 4, "", SCATTER),
            RX_NUMBER("validation", 5, "",
                      "RESTORE(blurred) against sharp, validation images, the same in every epoch"));
@@ -87,10 +86,8 @@ static const chart CHARTS[] = {
     {"curve-loss",
      "Loss",
      "Means of an epoch. Training: weighted sum of all terms. Test: RESTORE(blurred) against sharp, mean "
-     "over the "
-     "bins; unrestored: the blurred test images themselves. Validation: as test, on the same images in every "
-     "epoch; "
-     "the lowest is the model.",
+     "over the bins; unrestored: the blurred test images themselves. Validation: as test, on the same images "
+     "in every epoch; the lowest is the model.",
      {{"training", offsetof(rx_epoch, losses.total)},
       {"test", offsetof(rx_epoch, test_loss)},
       {"test unrestored", offsetof(rx_epoch, input_loss)},
@@ -98,8 +95,7 @@ static const chart CHARTS[] = {
     {"curve-stars",
      "Test stars",
      "Recall: share of those of S/N above 5 with a peak above 1.7 sky sigmas within 1.5 pixels. Fluxes: "
-     "isolated stars "
-     "of S/N above 12, sum within 2 FWHM of the target PSF, relative to the truth's.",
+     "isolated stars of S/N above 12, sum within 2 FWHM of the target PSF, relative to the truth's.",
      {{"recall", offsetof(rx_epoch, recall)},
       {"error of fluxes", offsetof(rx_epoch, bias)},
       {"scatter of fluxes", offsetof(rx_epoch, scatter)}}},
@@ -181,8 +177,8 @@ rx_status rx_train_page_write(const rx_train_state *state, const rx_model *model
     rx_report_show(report, add_log(report, h),
                    RX_VIEW(.from = h->n > EPOCHS_SHOWN ? h->n - EPOCHS_SHOWN : 0, .to = h->n,
                            .ncolumns = RX_LENGTH(columns), .columns = columns));
-    rx_report_note(report, "All epochs with all terms are in log.ecsv, every bin of every epoch in "
-                           "dictionary.ecsv.");
+    rx_report_note(report,
+                   "All epochs with all terms are in log.ecsv, every bin of every epoch in dictionary.ecsv.");
     rx_report_section(report, "dictionary", "Dictionary of the last epoch");
     rx_report_show(report, add_dictionary(report, h, &state->selection),
                    RX_VIEW(.from = (h->n - 1) * h->nbins, .ncolumns = RX_LENGTH(bins), .columns = bins));

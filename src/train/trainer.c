@@ -327,13 +327,12 @@ static void report_epoch(const job *j, double seconds, double making, long image
     char left[RX_TIME_LEFT];
     const double done = progress_of(j, 0) - j->begun_at;
     rx_time_left(done > 0 ? (rx_seconds() - j->begun) * (1 - progress_of(j, 0)) / done : 0, left);
-    rx_log_info(
-        j->log,
-        "epoch %ld of %d: loss %.4g, test %.4g (unrestored %.4g), validation %.4g%s, recall %.3f, flux "
-        "bias %+.2f %%; %.0f images/s; %s left",
-        h->n, j->config->epochs, e->losses.total, e->test_loss, e->input_loss, e->validation,
-        j->kept->best_epoch == h->n ? " (best)" : "", e->recall, 100 * e->bias, (double)images / seconds,
-        left);
+    rx_log_info(j->log,
+                "epoch %ld of %d: loss %.4g, test %.4g (unrestored %.4g), validation %.4g%s, recall %.3f, "
+                "flux bias %+.2f %%; %.0f images/s; %s left",
+                h->n, j->config->epochs, e->losses.total, e->test_loss, e->input_loss, e->validation,
+                j->kept->best_epoch == h->n ? " (best)" : "", e->recall, 100 * e->bias,
+                (double)images / seconds, left);
     rx_log_detail(j->log, "flux scatter %.2f %%; %.0f %% of the time spent making images", 100 * e->scatter,
                   100 * making / seconds);
 }
@@ -343,11 +342,10 @@ static rx_status go_back(job *j, rx_error *err)
 {
     const long returns = j->kept->returns + 1;
     if (returns > MOST_RETURNS)
-        return rx_error_set(
-            err, RX_INPUT,
-            "the loss diverged %ld times, in the end with %g of RATE in epoch %ld; give a lower "
-            "RATE or a smaller CLIP and train again",
-            returns, j->now->slow, j->now->epoch + 1);
+        return rx_error_set(err, RX_INPUT,
+                            "the loss diverged %ld times, in the end with %g of RATE in epoch %ld; give a "
+                            "lower RATE or a smaller CLIP and train again",
+                            returns, j->now->slow, j->now->epoch + 1);
     rx_log_warning(j->log, "the loss diverged in epoch %ld; it begins again with half the rate",
                    j->now->epoch + 1);
     j->kept->returns = returns;
@@ -438,8 +436,7 @@ static rx_status train(job *j, rx_error *err)
         return status;
     rx_log_info(
         j->log,
-        "%s after %ld epoch%s and %ld training images: epoch %ld is the best, validation loss %.4g, in "
-        "%s",
+        "%s after %ld epoch%s and %ld training images: epoch %ld is the best, validation loss %.4g, in %s",
         j->kept->epoch >= j->config->epochs ? "complete" : "no improvement, stopped", j->kept->epoch,
         j->kept->epoch == 1 ? "" : "s", j->kept->patches, j->kept->best_epoch, j->kept->best_loss,
         j->config->model_name);

@@ -45,9 +45,8 @@ int64_t rx_fits_data_bytes(const char *cards, size_t n);
 rx_status rx_fits_walk(int file, bool mend, const char *path, bool *odd, rx_error *err);
 rx_status rx_fits_walk_open(fitsfile *file, const char *path, int *failed, rx_error *err);
 
-/* How many bytes from its beginning a file must have so that the walk through its headers can go on, when
- * `size` of them are there; no more than `size` where it has ended. *place, 0 at first, is where it goes on
- * with more bytes. */
+/* How many bytes from its beginning a file must have so that the walk through its headers can go on, when `size` of
+ * them are there; no more than `size` where it has ended. *place, 0 at first, is where it goes on with more bytes. */
 int64_t rx_fits_walk_selected(int file, int64_t size, int64_t *place);
 
 /* Is it the disk that makes cfitsio fail with that status? Then nothing more may be read: cfitsio keeps the

@@ -230,9 +230,8 @@ static rx_status check_hcompress(const unsigned char *data, size_t length, LONGL
         return RX_OK;
     const size_t nx = parts((size_t)axis[0], 2), ny = parts((size_t)axis[1], 2),
                  words = parts(nx, 2) * parts(ny, 2);
-    unsigned char *room = rx_alloc(nx * ny + 2 * words, 1);
-    if (room == NULL)
-        return rx_error_memory(err, nx * ny + 2 * words);
+    unsigned char *room;
+    RX_TRY(RX_MAKE(room, nx * ny + 2 * words, err));
     quadrant q = {.filled = room, .words = room + nx * ny, .parents = room + nx * ny + words};
     bits s = {.data = data, .at = 8 * (uint64_t)(HEADER + 3), .end = 8 * (uint64_t)length};
     *holds = take_all(&s, &q, (size_t)axis[0], (size_t)axis[1], planes);
@@ -359,9 +358,8 @@ static rx_status check_cell(const cells *c, const method *m, LONGLONG row, LONGL
 {
     int failed = 0, anynul = 0;
     const bool words = is_normal && m->type == PLIO_1;
-    void *data = rx_alloc((size_t)length, sizeof(short));
-    if (data == NULL)
-        return rx_error_memory(err, (size_t)length * sizeof(short));
+    short *data;
+    RX_TRY(RX_MAKE(data, (size_t)length, err));
     fits_read_col(c->file, words ? TSHORT : TBYTE, c->column, row + 1, 1, length, NULL, data, &anynul,
                   &failed);
     const rx_status status =

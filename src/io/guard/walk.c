@@ -12,8 +12,7 @@
 
 enum { MAX_BLOCKS = 4096 };
 
-static const char END[] = "END                                     "
-                          "                                        ";
+static const char END[] = "END                                                                             ";
 
 static bool is_key(const char *card, const char *key)
 {

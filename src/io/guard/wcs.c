@@ -608,11 +608,10 @@ static bool settle_matrix(char *cards, size_t ncards, rx_wcs_notes *notes)
                                      : one[row] != 1 && !(fabs(hypot(b[0], b[1]) - length) <= 0.01 * length));
     }
     if (differs)
-        rx_wcs_note(&notes->warnings,
-                    turned ? "CDi_j and PCi_j, CROTA2 or CDELTi contradict each other; CDi_j is "
-                             "taken, as SExtractor does"
-                           : "CDi_j and CDELTi contradict each other; CDi_j is taken, as "
-                             "SExtractor does");
+        rx_wcs_note(&notes->warnings, turned ? "CDi_j and PCi_j, CROTA2 or CDELTi contradict each other; "
+                                               "CDi_j is taken, as SExtractor does"
+                                             : "CDi_j and CDELTi contradict each other; CDi_j is taken, as "
+                                               "SExtractor does");
     const double *m = has_cd ? cd : other;
     const double det = m[0] * m[3] - m[1] * m[2];
     if ((!has_cd && !has_other) || !isfinite(det) || det == 0)
