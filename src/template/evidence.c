@@ -67,13 +67,13 @@ double rx_evidence_lumps(const rx_fit_source *source, double fwhm)
 }
 
 /* What the rival leaves of it. */
-static rx_status beside_rival(const rx_refine_params *par, const rx_refine_view *view,
-                              rx_template_otf *renderer, const rx_fit_source *sources,
-                              const rx_fit_neighbour *rival, double *evidence, rx_error *err)
+static rx_status beside_rival(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
+                              const rx_fit_source *sources, const rx_fit_neighbour *rival, double *evidence,
+                              rx_error *err)
 {
     double rise = 0;
     const rx_fit_source *other = &sources[rival->other];
-    RX_TRY(rx_refine_alone(par, view, renderer, other, &sources[rival->one], &rise, err));
+    RX_TRY(rx_refine_alone(par, view, otf, other, &sources[rival->one], &rise, err));
     if (!isfinite(rise))
         return RX_OK;
     const double lumps = (1 - other->point) * rx_evidence_lumps(other, view->fwhm) * rival->light;
@@ -81,14 +81,14 @@ static rx_status beside_rival(const rx_refine_params *par, const rx_refine_view 
     return RX_OK;
 }
 
-rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
                          const rx_fit_source *sources, const rx_fit_neighbour *rival, double *evidence,
                          rx_error *err)
 {
     const double flux = sources[rival->one].flux;
     *evidence = rival->alone * without_own_photons(view->image, &sources[rival->one]);
     if (rival->other >= 0)
-        RX_TRY(beside_rival(par, view, renderer, sources, rival, evidence, err));
+        RX_TRY(beside_rival(par, view, otf, sources, rival, evidence, err));
     if (!(*evidence > 0))
         return RX_OK;
     *evidence = 1 / (1 / *evidence + sources[rival->one].structure / (flux * flux));

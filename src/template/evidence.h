@@ -39,7 +39,7 @@ double rx_evidence_lumps(const rx_fit_source *source, double fwhm);
  * Galaxies have arms and knots, which no smooth profile takes up and which the pixels want: 0.3 is the least
  * contrast of arms in simulate/scene.h. Structure of the sky leaves 1 / (1 / *evidence + its variance / flux^2) of it.
  * par: never frozen. Errors: RX_SYSTEM. */
-rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
                          const rx_fit_source *sources, const rx_fit_neighbour *rival, double *evidence,
                          rx_error *err);
 

@@ -1,4 +1,4 @@
-/* The pixels around one source on the domain of its renderer: what others leave of the data, and the weights. */
+/* The pixels around one source on the domain of its otf: what others leave of the data, and the weights. */
 #ifndef RX_TEMPLATE_PATCH_H
 #define RX_TEMPLATE_PATCH_H
 

@@ -412,15 +412,15 @@ static void choose(const job *j, rx_fit_source *after)
 
 /* Side of the domain of a source, of which half pixels to all sides are looked at, all for 0. Light below a tenth of what its footprint will be cropped at needs no part of the PSF; where restored
  * pixels are blurred to the tile's PSF, all of that is needed. */
-static int side_of(const rx_refine_params *par, const rx_refine_view *view, const rx_template_otf *renderer,
+static int side_of(const rx_refine_params *par, const rx_refine_view *view, const rx_template_otf *otf,
                    const rx_fit_source *s, double reach, int half)
 {
     const rx_fit_image *image = view->image;
     const int x = s->x < 0 ? 0 : s->x > image->width - 1 ? image->width - 1 : (int)s->x;
     const int y = s->y < 0 ? 0 : s->y > image->height - 1 ? image->height - 1 : (int)s->y;
     const double noise = RX_REFINE_FAINT * sqrt(rx_fit_image_variance(image, x, y));
-    return rx_template_otf_side(renderer, reach,
-                                par->substructure || !(s->flux > 0) ? 0 : 0.1 * noise / s->flux, half);
+    return rx_template_otf_side(otf, reach, par->substructure || !(s->flux > 0) ? 0 : 0.1 * noise / s->flux,
+                                half);
 }
 
 /* Light below that is not worth a pixel. */
@@ -551,11 +551,10 @@ static rx_window window_around(const rx_fit_image *image, const rx_fit_source *s
 }
 
 rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view,
-                           const rx_template_otf *renderer, const rx_fit_source *source)
+                           const rx_template_otf *otf, const rx_fit_source *source)
 {
     const double radius = radius_of(par, source);
-    const int half = half_of(view, radius),
-              domain = side_of(par, view, renderer, source, FAR * radius, 0) / 2;
+    const int half = half_of(view, radius), domain = side_of(par, view, otf, source, FAR * radius, 0) / 2;
     if (!looks(par))
         return (rx_window){0, 0, 0, 0};
     return window_around(view->image, source, par->substructure && domain > half ? domain : half);
@@ -578,7 +577,7 @@ static rx_status cut_patch(job *j, int half, double grain, rx_error *err)
     return RX_OK;
 }
 
-rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
                     const rx_fit_source *source, rx_fit_source *after, rx_error *err)
 {
     job j = {.par = par, .view = view, .before = source};
@@ -588,16 +587,15 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
     after->footprint = (rx_footprint){0};
     after->flags &= ~(RX_TPHOT_POSITION | RX_TPHOT_BOUND);
     const double radius = radius_of(par, source);
-    const int half = half_of(view, radius), all = side_of(par, view, renderer, source, FAR * radius, 0),
-              part = side_of(par, view, renderer, source, FAR * radius, half);
-    rx_status status =
-        rx_template_otf_at(renderer, par->frozen ? all : part, source->x, source->y, &j.size, err);
+    const int half = half_of(view, radius), all = side_of(par, view, otf, source, FAR * radius, 0),
+              part = side_of(par, view, otf, source, FAR * radius, half);
+    rx_status status = rx_template_otf_at(otf, par->frozen ? all : part, source->x, source->y, &j.size, err);
     if (status == RX_OK && looks(par))
         status = cut_patch(&j, half, source->grain, err);
     if (status == RX_OK && !par->frozen) {
         choose(&j, after);
         j.patch.corner += all / 2 - part / 2;
-        status = rx_template_otf_at(renderer, all, source->x, source->y, &j.size, err);
+        status = rx_template_otf_at(otf, all, source->x, source->y, &j.size, err);
     }
     if (status == RX_OK)
         status = finish(&j, after, err);
@@ -619,7 +617,7 @@ static double best_chi2(const job *j)
     return usable(&profile, &point) ? fmin(point.chi2, profile.chi2) : point.chi2;
 }
 
-rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
                           const rx_fit_source *source, const rx_fit_source *other, double *rise,
                           rx_error *err)
 {
@@ -630,8 +628,7 @@ rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *vie
     const int half = half_alone(view, source, other);
     *rise = 0;
     rx_status status = rx_template_otf_at(
-        renderer,
-        side_of(par, view, renderer, source->flux > other->flux ? source : other, FAR * radius, half),
+        otf, side_of(par, view, otf, source->flux > other->flux ? source : other, FAR * radius, half),
         source->x, source->y, &j.size, err);
     if (status == RX_OK)
         status = cut_patch(&j, half, other->grain, err);

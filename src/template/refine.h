@@ -33,10 +33,10 @@ double rx_refine_reach(double fwhm);
 
 /* What of the image rx_refine() reads. */
 rx_window rx_refine_window(const rx_refine_params *par, const rx_refine_view *view,
-                           const rx_template_otf *renderer, const rx_fit_source *source);
+                           const rx_template_otf *otf, const rx_fit_source *source);
 
 /* *after = source, refined, with a footprint of its own; source stays as it is. Errors: RX_SYSTEM. */
-rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
                     const rx_fit_source *source, rx_fit_source *after, rx_error *err);
 
 /* How much better the pixels are described with `other` than by `source` alone: chi2 (priors included) of
@@ -44,7 +44,7 @@ rx_status rx_refine(const rx_refine_params *par, const rx_refine_view *view, rx_
  * out. Errors: RX_SYSTEM. */
 rx_window rx_refine_alone_window(const rx_refine_view *view, const rx_fit_source *source,
                                  const rx_fit_source *other); /* what of the image it reads */
-rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *renderer,
+rx_status rx_refine_alone(const rx_refine_params *par, const rx_refine_view *view, rx_template_otf *otf,
                           const rx_fit_source *source, const rx_fit_source *other, double *rise,
                           rx_error *err);
 

@@ -31,9 +31,7 @@ static const double SMALL = 1e-4; /* pixels: no source moves for less */
 static const double MOST = 2.0,
                     MOST_NOISE = 10.0; /* times light and noise of its pixels: no source is brighter */
 static const double RUNAWAY =
-    1e3; /* times the brightest light that is seen no star is, not even a saturated one */
-/* Sigmas below 0 that no flux of a source is: beside others it would only take back what they have too much. */
-static const double IMPOSSIBLE = 3;
+    1e3;                  /* times the brightest light that is seen no star is, not even a saturated one */
 enum { SHIFTS = 2 };      /* joint moves of the positions in groups after each fit */
 enum { CROWD_CELL = 64 }; /* pixels: cells of sky and noise in a crowd */
 /* FWHM: so far at least the neighbours of what comes and goes in a crowd are fitted again; passes before what has gone may not
@@ -49,7 +47,7 @@ typedef struct work {
     int nthreads;
     int frozen; /* all positions and shapes are given, and stay */
     rx_fit_image image;
-    rx_template_otf **renderers; /* [nthreads] */
+    rx_template_otf **otfs; /* [nthreads] */
     int n;
     rx_fit_source *sources;   /* [n] */
     rx_joint_member *members; /* [n] of the last fit */
@@ -72,15 +70,15 @@ static rx_status open_work(work *w, rx_error *err)
 {
     w->n = w->input->sources->n;
     w->sources = RX_NEW(rx_fit_source, w->n);
-    w->renderers = RX_NEW(rx_template_otf *, w->nthreads);
-    if (w->sources == NULL || w->renderers == NULL)
+    w->otfs = RX_NEW(rx_template_otf *, w->nthreads);
+    if (w->sources == NULL || w->otfs == NULL)
         return rx_error_memory(err, (size_t)w->n * sizeof(rx_fit_source));
     rx_status status = RX_OK;
     rx_fit_image_open(w->input, w->par->shown, w->nthreads, &w->image);
     /* no noise: it counts as much against that of sums of pixels as it would where pixels are independent */
     w->image.psf_error = w->par->psf_error / rx_noise_factor_wide(w->input->image.correlation);
     for (int i = 0; i < w->nthreads && status == RX_OK; i++)
-        status = rx_template_otf_new(w->input->image.psf, w->input->restored->psf, &w->renderers[i], err);
+        status = rx_template_otf_new(w->input->image.psf, w->input->restored->psf, &w->otfs[i], err);
     rx_fit_sources_start(w->par, w->input, w->sources);
     w->frozen = w->input->shapes != NULL;
     for (int i = 0; i < w->n; i++)
@@ -92,10 +90,10 @@ static void close_work(work *w)
 {
     for (int i = 0; i < w->n && w->sources != NULL; i++)
         free(w->sources[i].footprint.values);
-    for (int i = 0; i < w->nthreads && w->renderers != NULL; i++)
-        rx_template_otf_free(w->renderers[i]);
+    for (int i = 0; i < w->nthreads && w->otfs != NULL; i++)
+        rx_template_otf_free(w->otfs[i]);
     free(w->sources);
-    free(w->renderers);
+    free(w->otfs);
     free(w->members);
     free(w->backgrounds);
     free(w->covariances);
@@ -159,7 +157,7 @@ static rx_status refine_one(void *user, int i, int thread, rx_error *err)
     const refinement *r = user;
     if (!takes_part(r, i))
         return RX_OK;
-    return rx_refine(&r->par, &r->view, r->w->renderers[thread], &r->w->sources[i], &r->after[i], err);
+    return rx_refine(&r->par, &r->view, r->w->otfs[thread], &r->w->sources[i], &r->after[i], err);
 }
 
 static rx_status learn_prior(work *w, rx_error *err)
@@ -201,7 +199,7 @@ static rx_status refine(work *w, int first, int frozen, int moved_only, int subs
     }
     for (int i = 0; i < w->n; i++)
         if (takes_part(&r, i))
-            windows[i] = rx_refine_window(&r.par, &r.view, w->renderers[0], &w->sources[i]);
+            windows[i] = rx_refine_window(&r.par, &r.view, w->otfs[0], &w->sources[i]);
     status = rx_windows_run(&w->image, windows, w->n, 0, refine_one, &r, err);
     for (int i = 0; i < w->n; i++) {
         if (!takes_part(&r, i))
@@ -308,8 +306,9 @@ static rx_status fit_group(work *w, int group, int nthreads, rx_error *err)
     rx_status status = rx_joint_fit(&par, &w->image, m, members, &w->backgrounds[group], covariance, err);
     for (int i = 0; i < m && status == RX_OK; i++) {
         const int k = w->blends.member[first + i];
+        /* so far below 0 it would only take back what others have too much */
         w->sources[k].positive |= movable && w->sources[k].movable && w->errors &&
-                                  members[i].flux < -IMPOSSIBLE * sqrt(members[i].variance);
+                                  members[i].flux < -w->par->least * sqrt(members[i].variance);
         members[i].flux = within_light(w, &w->sources[k], members[i].flux, &members[i].flags);
         w->members[k] = members[i];
     }
@@ -747,11 +746,9 @@ static rx_status weigh_one(void *user, int i, int thread, rx_error *err)
     work *w = g->w;
     rx_fit_source *s = &w->sources[i];
     s->structure = structure_of(w, s);
-    RX_TRY(rx_evidence_of(&g->par, &g->view, w->renderers[thread], w->sources, &g->rivals[i], &s->presence,
-                          err));
-    return w->input->shapes != NULL
-               ? RX_OK
-               : rx_two_odds(&g->par, &g->view, w->renderers[thread], &g->counts, s, err);
+    RX_TRY(rx_evidence_of(&g->par, &g->view, w->otfs[thread], w->sources, &g->rivals[i], &s->presence, err));
+    return w->input->shapes != NULL ? RX_OK
+                                    : rx_two_odds(&g->par, &g->view, w->otfs[thread], &g->counts, s, err);
 }
 
 static rx_status count_sources(weighing *g, rx_error *err)
@@ -955,7 +952,7 @@ static rx_status store(work *w, rx_tphot *dst, rx_error *err)
         status = rx_unseen_allow(&w->crowd, fmax(w->input->image.psf->fwhm, 1.0), dst->list, dst->n,
                                  &dst->unseen, err);
     if (status == RX_OK && w->par->point_fits)
-        status = rx_models_fit(&(rx_models_view){&w->image, w->renderers, w->n, w->sources, w->members},
+        status = rx_models_fit(&(rx_models_view){&w->image, w->otfs, w->n, w->sources, w->members},
                                w->par->sersic_fits, dst->list, err);
     if (status == RX_OK && w->par->covariance)
         status = store_pairs(w, dst, err);

@@ -34,7 +34,7 @@ struct rx_matching {
 
 typedef struct domain {
     rx_template_domain size; /* first: rx_template_domain_matching() is handed this part */
-    const rx_template_otf *renderer;
+    const rx_template_otf *otf;
     int made; /* size.optics, at (x, y) where PSFs vary */
     double x, y;
     rx_matching matching;
@@ -60,42 +60,41 @@ struct rx_template_otf {
         most; /* [size / 2 + 2] of the tile's PSF in its middle: the largest value that many pixels away in x or y, or farther */
 };
 
-/* Fills renderer->most. */
-static void find_reach(rx_template_otf *renderer)
+/* Fills otf->most. */
+static void find_reach(rx_template_otf *otf)
 {
-    const rx_psf *psf = renderer->tile;
+    const rx_psf *psf = otf->tile;
     const int half = psf->size / 2;
-    rx_psf_at(psf, psf->x0, psf->y0, renderer->stamp);
+    rx_psf_at(psf, psf->x0, psf->y0, otf->stamp);
     for (int v = -half; v <= half; v++)
         for (int u = -half; u <= half; u++) {
             const int away = abs(u) > abs(v) ? abs(u) : abs(v);
-            renderer->most[away] =
-                fmaxf(renderer->most[away], fabsf(renderer->stamp[(v + half) * psf->size + u + half]));
+            otf->most[away] = fmaxf(otf->most[away], fabsf(otf->stamp[(v + half) * psf->size + u + half]));
         }
     for (int r = half - 1; r >= 0; r--)
-        renderer->most[r] = fmaxf(renderer->most[r], renderer->most[r + 1]);
+        otf->most[r] = fmaxf(otf->most[r], otf->most[r + 1]);
 }
 
 rx_status rx_template_otf_new(const rx_psf *tile, const rx_psf *image, rx_template_otf **dst, rx_error *err)
 {
-    rx_template_otf *renderer = RX_NEW(rx_template_otf, 1);
-    *dst = renderer;
-    if (renderer == NULL)
-        return rx_error_memory(err, sizeof *renderer);
-    *renderer = (rx_template_otf){.tile = tile, .image = image != NULL ? image : tile};
-    renderer->same = image == NULL || same_psf(tile, image);
-    renderer->varies = tile->nbasis > 1 || renderer->image->nbasis > 1;
+    rx_template_otf *otf = RX_NEW(rx_template_otf, 1);
+    *dst = otf;
+    if (otf == NULL)
+        return rx_error_memory(err, sizeof *otf);
+    *otf = (rx_template_otf){.tile = tile, .image = image != NULL ? image : tile};
+    otf->same = image == NULL || same_psf(tile, image);
+    otf->varies = tile->nbasis > 1 || otf->image->nbasis > 1;
     const int tile_side = rx_psf_fine_side(tile);
-    const size_t side = (size_t)(tile_side > renderer->image->size ? tile_side : renderer->image->size);
-    renderer->stamp = RX_NEW(float, side *side);
-    renderer->most = RX_NEW(float, tile->size / 2 + 2);
-    if (renderer->stamp != NULL && renderer->most != NULL) {
-        find_reach(renderer);
+    const size_t side = (size_t)(tile_side > otf->image->size ? tile_side : otf->image->size);
+    otf->stamp = RX_NEW(float, side *side);
+    otf->most = RX_NEW(float, tile->size / 2 + 2);
+    if (otf->stamp != NULL && otf->most != NULL) {
+        find_reach(otf);
         return RX_OK;
     }
-    free(renderer->stamp);
-    free(renderer->most);
-    free(renderer);
+    free(otf->stamp);
+    free(otf->most);
+    free(otf);
     *dst = NULL;
     return rx_error_memory(err, side * side * sizeof(float));
 }
@@ -116,41 +115,39 @@ static void clear_domain(domain *d)
     }
 }
 
-void rx_template_otf_free(rx_template_otf *renderer)
+void rx_template_otf_free(rx_template_otf *otf)
 {
-    if (renderer == NULL)
+    if (otf == NULL)
         return;
-    for (int i = 0; i < renderer->ndomains; i++)
-        clear_domain(&renderer->domains[i]);
-    free(renderer->domains);
-    free(renderer->points);
-    free(renderer->stamp);
-    free(renderer->most);
-    free(renderer);
+    for (int i = 0; i < otf->ndomains; i++)
+        clear_domain(&otf->domains[i]);
+    free(otf->domains);
+    free(otf->points);
+    free(otf->stamp);
+    free(otf->most);
+    free(otf);
 }
 
 static const double FAINTEST = 1e-3; /* of the peak: nothing above that is left out */
 
 /* Side of the PSF's part that is above `level`, at least what the pixels around a point are fitted with. */
-static int part_above(const rx_template_otf *renderer, double level)
+static int part_above(const rx_template_otf *otf, double level)
 {
-    const rx_psf *psf = renderer->tile;
+    const rx_psf *psf = otf->tile;
     int half = (int)ceil(2.0 * fmax(psf->fwhm, 1.0)) + 4;
-    while (half < psf->size / 2 &&
-           (double)renderer->most[half + 1] > fmin(level, FAINTEST * (double)renderer->most[0]))
+    while (half < psf->size / 2 && (double)otf->most[half + 1] > fmin(level, FAINTEST * (double)otf->most[0]))
         half++;
     return half < psf->size / 2 ? 2 * half + 1 : psf->size;
 }
 
-int rx_template_otf_side(const rx_template_otf *renderer, double reach, double level, int half)
+int rx_template_otf_side(const rx_template_otf *otf, double reach, double level, int half)
 {
     /* those whose transforms take least time: of small prime factors, 2 above all, and n/2 + 1 not far below a multiple of the
      * columns that num/fft.c takes at once */
     static const int sides[] = {32,  40,  44,  48,  56,  64,  72,  80,  96,
                                 120, 144, 160, 192, 240, 256, 320, 400, 512};
-    const int whole =
-        renderer->tile->size > renderer->image->size ? renderer->tile->size : renderer->image->size;
-    const int part = level > 0 ? part_above(renderer, level) : whole, far = (int)ceil(fmin(reach, 200.0));
+    const int whole = otf->tile->size > otf->image->size ? otf->tile->size : otf->image->size;
+    const int part = level > 0 ? part_above(otf, level) : whole, far = (int)ceil(fmin(reach, 200.0));
     int need = part + MARGIN + 2 * far;
     if (half >
         0) /* light that is as far away as it reaches may come back at the other end, beyond the pixels that are read */
@@ -162,11 +159,11 @@ int rx_template_otf_side(const rx_template_otf *renderer, double reach, double l
     return rx_fft_good_size(need);
 }
 
-static rx_status open_domain(const rx_template_otf *renderer, int n, domain *d, rx_error *err)
+static rx_status open_domain(const rx_template_otf *otf, int n, domain *d, rx_error *err)
 {
     rx_template_domain *size = &d->size;
-    const int m = rx_psf_fine(renderer->tile);
-    *d = (domain){.size = {.n = n}, .renderer = renderer};
+    const int m = rx_psf_fine(otf->tile);
+    *d = (domain){.size = {.n = n}, .otf = otf};
     rx_status status = rx_fft_new(n, n, 1, &size->fft, err);
     if (status == RX_OK && m > 1)
         status = rx_fft_new(m * n, m * n, 1, &d->fine, err);
@@ -197,20 +194,20 @@ static rx_status open_domain(const rx_template_otf *renderer, int n, domain *d, 
     return RX_OK;
 }
 
-static rx_status find_domain(rx_template_otf *renderer, int n, domain **dst, rx_error *err)
+static rx_status find_domain(rx_template_otf *otf, int n, domain **dst, rx_error *err)
 {
-    for (int i = 0; i < renderer->ndomains; i++)
-        if (renderer->domains[i].size.n == n) {
-            *dst = &renderer->domains[i];
+    for (int i = 0; i < otf->ndomains; i++)
+        if (otf->domains[i].size.n == n) {
+            *dst = &otf->domains[i];
             return RX_OK;
         }
-    domain *more = rx_regrow(renderer->domains, (size_t)renderer->ndomains + 1, sizeof *more);
+    domain *more = rx_regrow(otf->domains, (size_t)otf->ndomains + 1, sizeof *more);
     if (more == NULL)
         return rx_error_memory(err, sizeof *more);
-    renderer->domains = more;
-    rx_status status = open_domain(renderer, n, &more[renderer->ndomains], err);
+    otf->domains = more;
+    rx_status status = open_domain(otf, n, &more[otf->ndomains], err);
     if (status == RX_OK)
-        *dst = &more[renderer->ndomains++];
+        *dst = &more[otf->ndomains++];
     return status;
 }
 
@@ -265,14 +262,14 @@ static void weigh_nodes(double x, double *weight)
     }
 }
 
-static rx_status make_points(rx_template_otf *renderer, rx_error *err)
+static rx_status make_points(rx_template_otf *otf, rx_error *err)
 {
-    const int whole = renderer->tile->size <= WIDEST;
-    const int side = (whole ? renderer->tile->size : WIDEST) + 2; /* so far a shift of half a pixel reaches */
-    const int n = whole ? rx_template_otf_side(renderer, 0, 0, 0) : rx_fft_good_size(2 * side);
+    const int whole = otf->tile->size <= WIDEST;
+    const int side = (whole ? otf->tile->size : WIDEST) + 2; /* so far a shift of half a pixel reaches */
+    const int n = whole ? rx_template_otf_side(otf, 0, 0, 0) : rx_fft_good_size(2 * side);
     const size_t room = (size_t)NODES * NODES * (size_t)side * (size_t)side;
     rx_template_domain *size;
-    RX_TRY(rx_template_otf_at(renderer, n, 0, 0, &size, err));
+    RX_TRY(rx_template_otf_at(otf, n, 0, 0, &size, err));
     float *points = rx_alloc(room + LANES, sizeof *points); /* rows are added up to whole vectors */
     if (points == NULL)
         return rx_error_memory(err, room * sizeof *points);
@@ -285,8 +282,8 @@ static rx_status make_points(rx_template_otf *renderer, rx_error *err)
                            size->n / 2 - side / 2,
                        (size_t)side * sizeof *points);
         }
-    renderer->points = points;
-    renderer->reach = side;
+    otf->points = points;
+    otf->reach = side;
     return RX_OK;
 }
 
@@ -308,13 +305,13 @@ RX_SIMD static void add_rows(const float *rows, size_t stride, const float *weig
 /* A point (dx, dy) off the middle; 0: the part of the PSF that is kept does not hold all of it. */
 static int put_point(rx_template_domain *size, double dx, double dy)
 {
-    const rx_template_otf *renderer = ((const domain *)size)->renderer;
-    const int reach = renderer->reach, stride = rx_fft_stride_real(size->fft);
+    const rx_template_otf *otf = ((const domain *)size)->otf;
+    const int reach = otf->reach, stride = rx_fft_stride_real(size->fft);
     const int x0 = size->n / 2 + (int)lround(dx) - reach / 2, y0 = size->n / 2 + (int)lround(dy) - reach / 2;
     const int first = rx_max_int(size->first, x0), last = rx_min_int(size->last, x0 + reach);
     double along[NODES], across[NODES];
     float weight[NODES * NODES];
-    if (reach < renderer->tile->size &&
+    if (reach < otf->tile->size &&
         (x0 > size->first || x0 + reach < size->last || y0 > size->first || y0 + reach < size->last))
         return 0;
     weigh_nodes(dx - (double)lround(dx), along);
@@ -327,33 +324,33 @@ static int put_point(rx_template_domain *size, double dx, double dy)
         memset(row + size->first, 0, (size_t)(size->last - size->first) * sizeof *row);
         if (y < y0 || y >= y0 + reach || first >= last)
             continue;
-        add_rows(renderer->points + (ptrdiff_t)(y - y0) * NODES * NODES * reach + (first - x0), (size_t)reach,
+        add_rows(otf->points + (ptrdiff_t)(y - y0) * NODES * NODES * reach + (first - x0), (size_t)reach,
                  weight, last - first, size->column);
         memcpy(row + first, size->column, (size_t)(last - first) * sizeof *row);
     }
     return 1;
 }
 
-rx_status rx_template_otf_at(rx_template_otf *renderer, int n, double x, double y, rx_template_domain **dst,
+rx_status rx_template_otf_at(rx_template_otf *otf, int n, double x, double y, rx_template_domain **dst,
                              rx_error *err)
 {
     domain *d = NULL;
-    if (!renderer->varies && rx_psf_fine(renderer->tile) == 1 && renderer->reach == 0) {
-        renderer->reach = -1; /* it is on its way */
-        RX_TRY(make_points(renderer, err));
+    if (!otf->varies && rx_psf_fine(otf->tile) == 1 && otf->reach == 0) {
+        otf->reach = -1; /* it is on its way */
+        RX_TRY(make_points(otf, err));
     }
-    rx_status status = find_domain(renderer, n, &d, err);
+    rx_status status = find_domain(otf, n, &d, err);
     if (status != RX_OK)
         return status;
-    if (renderer->varies && (x != d->x || y != d->y))
+    if (otf->varies && (x != d->x || y != d->y))
         d->made = d->matching.made = 0;
     d->x = x;
     d->y = y;
     if (!d->made) {
-        const int m = rx_psf_fine(renderer->tile);
-        rx_psf_fine_at(renderer->tile, x, y, renderer->stamp);
-        const int side = cut_stamp(renderer->stamp, rx_psf_fine_side(renderer->tile), n, m);
-        rx_convolve_spectrum(m > 1 ? d->fine : d->size.fft, renderer->stamp, side,
+        const int m = rx_psf_fine(otf->tile);
+        rx_psf_fine_at(otf->tile, x, y, otf->stamp);
+        const int side = cut_stamp(otf->stamp, rx_psf_fine_side(otf->tile), n, m);
+        rx_convolve_spectrum(m > 1 ? d->fine : d->size.fft, otf->stamp, side,
                              m > 1 ? d->fine_half : d->size.optics);
         if (m > 1)
             cut_pieces(d, m);
@@ -368,16 +365,16 @@ rx_status rx_template_otf_at(rx_template_otf *renderer, int n, double x, double 
 const rx_matching *rx_template_domain_matching(rx_template_domain *size)
 {
     domain *d = (domain *)size;
-    const rx_template_otf *renderer = d->renderer;
+    const rx_template_otf *otf = d->otf;
     rx_matching *m = &d->matching;
-    if (!m->made && !renderer->same) {
-        rx_psf_at(renderer->image, d->x, d->y, renderer->stamp);
-        rx_convolve_spectrum(size->fft, renderer->stamp, renderer->image->size, m->restored);
-        if (rx_psf_fine(renderer->tile) > 1) { /* of whole pixels, as the restored ones are */
-            rx_psf_at(renderer->tile, d->x, d->y, renderer->stamp);
-            rx_convolve_spectrum(size->fft, renderer->stamp, renderer->tile->size, m->kernel);
+    if (!m->made && !otf->same) {
+        rx_psf_at(otf->image, d->x, d->y, otf->stamp);
+        rx_convolve_spectrum(size->fft, otf->stamp, otf->image->size, m->restored);
+        if (rx_psf_fine(otf->tile) > 1) { /* of whole pixels, as the restored ones are */
+            rx_psf_at(otf->tile, d->x, d->y, otf->stamp);
+            rx_convolve_spectrum(size->fft, otf->stamp, otf->tile->size, m->kernel);
         }
-        rx_convolve_divide(size->fft, rx_psf_fine(renderer->tile) > 1 ? m->kernel : size->optics, m->restored,
+        rx_convolve_divide(size->fft, rx_psf_fine(otf->tile) > 1 ? m->kernel : size->optics, m->restored,
                            DELTA, m->kernel);
         m->made = 1;
     }
@@ -435,16 +432,16 @@ RX_SIMD static void put_column(const float *re, const float *im, const float *fa
 void rx_template_domain_render(rx_template_domain *size, const rx_spergel *profile, double dx, double dy,
                                const rx_matching *restored, int count)
 {
-    const rx_template_otf *renderer = ((const domain *)size)->renderer;
-    const int through = restored != NULL && !renderer->same; /* the restored image's */
-    const int n = size->n, used = n / 2 + 1, m = through ? 1 : rx_psf_fine(renderer->tile), whole = m * n;
+    const rx_template_otf *otf = ((const domain *)size)->otf;
+    const int through = restored != NULL && !otf->same; /* the restored image's */
+    const int n = size->n, used = n / 2 + 1, m = through ? 1 : rx_psf_fine(otf->tile), whole = m * n;
     const size_t stride = 2 * (size_t)rx_fft_stride_complex(size->fft),
                  plane = rx_fft_complex_size(size->fft);
     const float *base = through ? restored->restored : size->optics;
     float *py = size->column + (size_t)(PLANES + 2) * (size_t)n, *columns[PLANES + 2], *negative[PLANES];
     double *px = size->phase;
     rx_spergel_form form;
-    if (profile == NULL && !through && renderer->points != NULL && put_point(size, dx, dy))
+    if (profile == NULL && !through && otf->points != NULL && put_point(size, dx, dy))
         return;
     for (int i = 0; i < PLANES + 2; i++)
         columns[i] = size->column + (size_t)i * (size_t)n;
@@ -483,6 +480,6 @@ void rx_template_domain_render(rx_template_domain *size, const rx_spergel *profi
 
 void rx_template_domain_blur(rx_template_domain *size, const rx_matching *matching)
 {
-    if (!((const domain *)size)->renderer->same)
+    if (!((const domain *)size)->otf->same)
         rx_convolve(size->fft, matching->kernel, size->plane[0], size->half[0], size->plane[0]);
 }

@@ -31,19 +31,19 @@ typedef struct rx_template_domain {
  * both at the place of a domain; only rx_template_domain_matching() hands one out. */
 typedef struct rx_matching rx_matching;
 
-/* tile, image: PSF of the fitted and of the restored image, which must outlive the renderer; image NULL: the same
+/* tile, image: PSF of the fitted and of the restored image, which must outlive the otf; image NULL: the same
  * as the tile's. Free with rx_template_otf_free(). Errors: RX_SYSTEM. */
 rx_status rx_template_otf_new(const rx_psf *tile, const rx_psf *image, rx_template_otf **dst, rx_error *err);
-void rx_template_otf_free(rx_template_otf *renderer); /* NULL is fine */
+void rx_template_otf_free(rx_template_otf *otf); /* NULL is fine */
 
 /* Side of the domain for light that reaches `reach` pixels from the source before it is blurred. level: of the PSF only the part
  * around its middle that is above it is needed, and what fits into the domain is taken, not normalised anew; 0: all of it. half: only
  * so many pixels to all sides of the middle have to be right; 0: all that has light. */
-int rx_template_otf_side(const rx_template_otf *renderer, double reach, double level, int half);
+int rx_template_otf_side(const rx_template_otf *otf, double reach, double level, int half);
 
 /* The domain of side n (from rx_template_otf_side()) with the PSF at tile position (x, y); valid until
  * the next call; all rows will be rendered. Errors: RX_SYSTEM. */
-rx_status rx_template_otf_at(rx_template_otf *renderer, int n, double x, double y, rx_template_domain **dst,
+rx_status rx_template_otf_at(rx_template_otf *otf, int n, double x, double y, rx_template_domain **dst,
                              rx_error *err);
 
 /* The kernel there, valid as long as the domain is. Planes other than 0 are lost. */

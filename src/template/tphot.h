@@ -28,8 +28,9 @@ typedef struct rx_tphot_params {
     double psf_error; /* relative error of a pixel of a template, that of the PSF: bright stars are not judged
                          by more than the PSF is known to (Stetson 1987, PASP 99, 191: "profile error") */
     int passes; /* fits of everything at most, each but the first after a look at the residual; 2 where it is not crowded */
-    int crowding;     /* RX_CROWDING_ */
-    double least;     /* S/N below which what was added in a crowd is dropped */
+    int crowding; /* RX_CROWDING_ */
+    double
+        least; /* S/N below which what was added in a crowd is dropped; a source of a group that is as far below 0 stays at 0 */
     int rounds;       /* how often positions and shapes are refined, neighbours taken out; 0 = never */
     int extended;     /* 0: every source is a point */
     int substructure; /* 0: never PIXELS */
