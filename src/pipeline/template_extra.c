@@ -126,14 +126,16 @@ static rx_status mark_saturated(const rx_template_extra *extra, unsigned char **
     return RX_OK;
 }
 
-/* Is it no more than such an error, in the light of a star that is cut off? In a cluster the segment of one holds others, too. */
+/* Is it such an error, in the segment of a star that is cut off? In a crowd that holds others, too, and what is brighter than the
+ * models there is one of them. */
 static int is_of_a_saturated_star(const search *of, const rx_source *s,
                                   const rx_template_residual_pixel *spot)
 {
     const rx_sources *sources = of->extra->sources;
     const int32_t segment = sources->segments[(size_t)s->ypeak * (size_t)sources->width + (size_t)s->xpeak];
     const double height = s->detection_snr / of->norm * of->peak * spot->sigma;
-    return segment > 0 && of->saturated[segment - 1] && height < spot->light;
+    return segment > 0 && of->saturated[segment - 1] &&
+           !(rx_crowding_at(of->look->crowd, s->xpeak, s->ypeak) && height > spot->light);
 }
 
 /* Is it one that is looked for: in a crowd all that is significant, elsewhere, in the first look, what models hide? */
