@@ -62,24 +62,15 @@ void rx_fit_sources_start(const rx_tphot_params *par, const rx_tphot_input *inpu
     for (int i = 0; i < input->sources->n; i++) {
         const rx_source *s = &input->sources->list[i];
         rx_fit_source *source = &sources[i];
-        *source = (rx_fit_source){.kind = RX_TPHOT_POINT,
-                                  .x = s->x,
-                                  .y = s->y,
-                                  .profile = {.nu = 0.5},
-                                  .star = 1,
-                                  .two = NAN,
-                                  .point = 1,
-                                  .shape_error = 1,
-                                  .lift = 1,
-                                  .grain = 1,
-                                  .added = -1,
-                                  .movable = 1,
-                                  .segment = s->segment,
-                                  .untouched = s->untouched,
-                                  .xmin = s->xmin,
-                                  .xmax = s->xmax,
-                                  .ymin = s->ymin,
-                                  .ymax = s->ymax};
+        *source = rx_fit_source_added(s->x, s->y, -1);
+        source->flags = 0;
+        source->movable = 1;
+        source->segment = s->segment;
+        source->untouched = s->untouched;
+        source->xmin = s->xmin;
+        source->xmax = s->xmax;
+        source->ymin = s->ymin;
+        source->ymax = s->ymax;
         if (par->extended)
             guess_shape(s, s->untouched ? input->image.psf->fwhm : psf->fwhm, source);
         if (input->shapes != NULL)
