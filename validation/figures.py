@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""The paper's Figures 5 to 9 as they come out here: PNG files for docs/paper.md, and all of them as pages of one PDF.
+"""The paper's Figures 5 to 9 as they come out here: PNG files for docs/paper.md, and that page as a PDF.
 
     figures.py boxes CAMPAIGN NAME    PSNR and SSIM by FWHM and noise, of a restoration campaign's folder (Figure 5)
     figures.py examples CAMPAIGN NAME scenes inside and beyond the training, from its report.html (Figures 6, 7)
     figures.py pairs DATA FOLDER      galaxies of SDSS, restored, beside the deeper KiDS (Figure 8); FOLDER is worked in
     figures.py stars                  MagErr, recall and precision of the committed photometry campaigns (Figure 9)
     figures.py curves CAMPAIGN        precision and recall of the lists by seeing, of a campaign FLUXES (its rows.ecsv)
-    figures.py pdf FILE               one PDF of what the others made
+    figures.py pdf FILE               docs/paper.md, tables and figures, as one PDF (python3-markdown, weasyprint)
 
 They are written to validation/results/figures. REXTRACT names the program (build/rextract). Needs astropy, scipy and matplotlib.
 """
@@ -25,7 +25,6 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from astropy.io import fits
-from matplotlib.backends.backend_pdf import PdfPages
 from scipy.ndimage import gaussian_filter, map_coordinates
 from scipy.optimize import minimize
 
@@ -209,17 +208,20 @@ def curves(folder):
     save(figure, "curves")
 
 
+# --- the page as one PDF
+
+STYLE = """@page { size: A4 landscape; margin: 12mm } body { font: 9pt sans-serif } table { border-collapse: collapse }
+th, td { border: 0.3pt solid #888; padding: 1pt 3pt; vertical-align: top } img { max-width: 100%; max-height: 175mm }"""
+
+
 def pdf(path):
-    with PdfPages(path, metadata={"CreationDate": None, "Title": "Figures of docs/paper.md"}) as pages:
-        for path in sorted(FIGURES.glob("*.png")):
-            image = plt.imread(path)
-            figure = plt.figure(figsize=(11.7, 11.7 * image.shape[0] / image.shape[1] + 0.4))
-            figure.suptitle(path.stem, fontsize=9)
-            axis = figure.add_axes((0, 0, 1, 0.97))
-            axis.imshow(image)
-            axis.axis("off")
-            pages.savefig(figure)
-            plt.close(figure)
+    import markdown
+    import weasyprint
+    page = TOP / "docs/paper.md"
+    text = markdown.markdown(page.read_text(encoding="utf-8"), extensions=["tables", "toc", "sane_lists"])
+    text = re.sub(r'<a href="(?!#|http)[^"]*">(.*?)</a>', r"\1", text, flags=re.S)  # files beside the page are not in the PDF
+    os.environ["SOURCE_DATE_EPOCH"] = "0"  # the same bytes from the same page
+    weasyprint.HTML(string=f"<title>The paper beside this program</title><style>{STYLE}</style>{text}", base_url=str(page)).write_pdf(path)
 
 
 if __name__ == "__main__":
