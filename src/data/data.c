@@ -56,6 +56,21 @@ void rx_background_flatten(rx_background *background, double level, double sigma
                                   .sigmas.value = (float)sigma};
 }
 
+void rx_background_widen(rx_background *background, double factor)
+{
+    const float f = (float)factor;
+    const rx_splines *sigmas = &background->sigmas;
+    const size_t pixels = background->sigma != NULL ? (size_t)background->width * (size_t)background->height : 0,
+                 nodes = 2 * (size_t)sigmas->nodes * (size_t)sigmas->height;
+    for (size_t i = 0; i < pixels; i++)
+        background->sigma[i] *= f;
+    for (size_t i = 0; i < nodes; i++)
+        sigmas->node[i] *= f;
+    background->sigmas.value *= f;
+    background->usual_sigma *= f;
+    background->global_sigma *= factor;
+}
+
 rx_restored *rx_restored_new(const char *name, int width, int height)
 {
     rx_restored *restored = rx_restored_bare(name, width, height);

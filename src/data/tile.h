@@ -96,6 +96,9 @@ typedef struct rx_background {
 /* The same level and noise everywhere, whatever was there before. */
 void rx_background_flatten(rx_background *background, double level, double sigma);
 
+/* factor times the noise that it has, everywhere. */
+void rx_background_widen(rx_background *background, double factor);
+
 void rx_background_free(rx_background *background);
 
 RX_END_DECLS

@@ -255,7 +255,7 @@ static void measure_cell(const rx_image *image, const unsigned char *used, int l
     for (int dy = 0; dy < 3 && used == NULL; dy++)
         for (int dx = dy == 0 ? 1 : -2; dx < 3; dx++)
             dst->lag[lag_of(dx, dy)] += LEFT_OUT * LIKE[abs(dx)] * LIKE[dy];
-    dst->lag[0] = width;
+    dst->lag[0] = used == NULL ? width * sqrt(1.0 + LEFT_OUT) : width;
     dst->used = n;
 }
 

@@ -36,7 +36,7 @@ static rx_status measure_between(const rx_pipeline_params *params, int what,
         field->image.psf = field->psf = psf;
         field->noise = *noise;
         RX_TRY(status);
-        RX_TRY(rx_field_noise_effective(field, NULL, log, err));
+        RX_TRY(rx_field_noise_effective(params, field, NULL, log, err));
     }
     return RX_OK;
 }

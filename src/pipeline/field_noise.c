@@ -55,11 +55,28 @@ rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *use
     return RX_OK;
 }
 
+/* The sigma of a mesh is that of pixels within 3 of it, as in SExtractor: .985 of the noise or less, more where light fills the
+ * sky. Where no map states the noise it is what pixels without sources have, but for light. */
+static void take_width(const rx_background_params *par, rx_field *field)
+{
+    const rx_weight_type weight = field->image.weight_type;
+    if (field->noise.origin != RX_NOISE_MEASURED || field->plain->passes < 2 || weight == RX_WEIGHT_MAP_RMS ||
+        (weight > RX_WEIGHT_MAP_RMS && par->no_rescale))
+        return;
+    const double factor = field->noise.scale / (field->widened > 0.0 ? field->widened : 1.0);
+    rx_background_widen(field->plain, factor);
+    if (field->restored != field->plain)
+        rx_background_widen(field->restored, factor);
+    field->widened = field->noise.scale;
+    field->noise.scale = 1.0;
+}
+
 static const double LEAST_FACTOR = 0.7;
 
 /* Of the matched filter, or of wide sums where no PSF serves; `of_light`, or NULL, says what light looks like there. What sharpening
  * leaves, or a correlation that was measured wrongly, is not believed. */
-rx_status rx_field_noise_effective(rx_field *field, const rx_psf *of_light, rx_log *log, rx_error *err)
+rx_status rx_field_noise_effective(const rx_pipeline_params *params, rx_field *field, const rx_psf *of_light,
+                                   rx_log *log, rx_error *err)
 {
     const rx_psf *psf = field->psf != NULL ? field->psf : of_light;
     const rx_image *image = &field->image;
@@ -82,6 +99,7 @@ rx_status rx_field_noise_effective(rx_field *field, const rx_psf *of_light, rx_l
         field->noise = rx_noise_white(RX_NOISE_UNKNOWN);
         field->noise_factor = 1.0;
     }
+    take_width(&params->background[0], field);
     rx_map_scaled(&field->effective, rx_background_noise(field->restored), (float)field->noise_factor);
     field->image.correlation = &field->noise;
     return RX_OK;

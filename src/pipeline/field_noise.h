@@ -16,7 +16,8 @@ rx_status rx_field_noise_measure(const rx_field *field, const unsigned char *use
  * and the map of effective noise; and what the log says of it. */
 rx_status rx_field_noise_known(const rx_pipeline_params *params, rx_field *field, rx_error *err);
 rx_status rx_field_gain_check(rx_field *field, rx_log *log, rx_error *err);
-rx_status rx_field_noise_effective(rx_field *field, const rx_psf *of_light, rx_log *log, rx_error *err);
+rx_status rx_field_noise_effective(const rx_pipeline_params *params, rx_field *field, const rx_psf *of_light,
+                                   rx_log *log, rx_error *err);
 void rx_field_noise_log(const rx_field *field, rx_log *log);
 
 #endif

@@ -134,7 +134,7 @@ rx_status rx_field_begin(const rx_pipeline_params *params, int what, rx_field *f
     field->image.psf = field->psf;
     if (field->psf == NULL && (what & RX_FIELD_PSF) == 0)
         RX_TRY(rx_field_psf_of_light(params, role, field, &of_light, err));
-    status = rx_field_noise_effective(field, of_light, log, err);
+    status = rx_field_noise_effective(params, field, of_light, log, err);
     rx_psf_free(of_light);
     rx_lap_add(&last, &field->background_lap);
     return status;

@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "base/min_max.h"
 #include "template/patch.h"
 
 static const double OVERLAP = 0.3, BLEND = 0.2;
@@ -60,6 +61,38 @@ static double without_own_photons(const rx_fit_image *c, const rx_fit_source *s)
     return with > 0 ? without / with : 1;
 }
 
+/* The share of photons in the noise of the sky there. A sky that was taken off before the tile was written says nothing of that: all. */
+static double sky_photons(const rx_fit_image *c, const rx_fit_source *s)
+{
+    const rx_image *image = &c->input->image;
+    const int x = rx_min_int(rx_max_int((int)lround(s->x), 0), image->width - 1),
+              y = rx_min_int(rx_max_int((int)lround(s->y), 0), image->height - 1);
+    const double level = rx_map_given(&image->level) ? (double)rx_map_at(&image->level, x, y) : 0,
+                 variance = (double)rx_fit_image_variance(c, x, y) * s->grain * s->grain;
+    return level > 0 && variance > 0 ? fmin(level / (c->gain * variance), 1) : 1;
+}
+
+/* Few photons come together by chance more often than a normal distribution says, so a peak of them is less evidence: of
+ * its footprint 2 sum (b + f) ln (1 + f / b) - f for sum f^2 / b, with f photons of the source on b. */
+static double of_few_photons(const rx_fit_image *c, const rx_fit_source *s)
+{
+    const rx_footprint *f = &s->footprint;
+    double rise = 0, normal = 0;
+    for (int v = 0; v < f->height && c->gain > 0; v++)
+        for (int u = 0; u < f->width; u++) {
+            const size_t k = rx_fit_image_row(c, f->y0 + v) + (size_t)(f->x0 + u);
+            const double light = s->flux * (double)f->values[(size_t)v * (size_t)f->width + (size_t)u],
+                         photons = light * c->gain;
+            if (!(c->weight[k] > 0) || !(light > 0))
+                continue;
+            const double variance = s->grain * s->grain / ((double)c->weight[k] * rx_fit_image_quiet(c, k, light)),
+                         below = variance * c->gain * c->gain;
+            rise += 2 * ((below + photons) * log1p(photons / below) - photons);
+            normal += photons * photons / below;
+        }
+    return normal > 0 ? 1 - sky_photons(c, s) * (1 - rise / normal) : 1;
+}
+
 double rx_evidence_lumps(const rx_fit_source *source, double fwhm)
 {
     const double r2 = source->profile.radius * source->profile.radius;
@@ -86,7 +119,8 @@ rx_status rx_evidence_of(const rx_refine_params *par, const rx_refine_view *view
                          rx_error *err)
 {
     const double flux = sources[rival->one].flux;
-    *evidence = rival->alone * without_own_photons(view->image, &sources[rival->one]);
+    const rx_fit_source *one = &sources[rival->one];
+    *evidence = rival->alone * without_own_photons(view->image, one) * of_few_photons(view->image, one);
     if (rival->other >= 0)
         RX_TRY(beside_rival(par, view, otf, sources, rival, evidence, err));
     if (!(*evidence > 0))

@@ -28,7 +28,8 @@ double rx_evidence_lumps(const rx_fit_source *source, double fwhm);
  *   *evidence = flux^2 / variance
  *
  * which is exactly the rise of chi2 when a column is left out of linear least squares, the variance that without its own photons
- * and PSF errors, by what these take of the weights under its template; else
+ * and PSF errors, by what these take of the weights under its template; times what chi2 of photons, not of a normal distribution,
+ * rises by (Cash 1979, ApJ 228, 939): 1 - s k / 3 of s = flux / error on a sky whose sums under the template have the skewness k; else
  *
  *   *evidence = 1 / (1 / rise + lumps^2)
  *   rise      = the smaller of flux^2 / variance and what rx_refine_alone() says of the neighbour with most
