@@ -148,7 +148,7 @@ PY
     result 'dead pixels and a wrong noise map are named' $? out
     run rextract rounded.fits -MAG_ZEROPOINT 25 -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 3.5 -QA_TYPE TILE -QA_NAME rounded \
         -CATALOG_NAME s.cat -QA_FIGURES N -PARAMETERS_NAME flags.param
-    /usr/bin/python3 check.py keys rounded/tile.json model >out 2>&1
+    /usr/bin/python3 check.py keys rounded/tile.json noise >out 2>&1
     result 'rounded values are named' $? out
     /usr/bin/python3 check.py flags qa a.cat FLAGS FLAGS_WIN FLAGS_MEASURE FLAGS_TEMPLATE FLAGS_RESTORE >out 2>&1
     result 'flags are those of the catalogue' $? out

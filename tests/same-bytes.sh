@@ -126,7 +126,7 @@ every sep extract NONE,RL,NET "$data/fields/sep_image.fits"
 every galaxies-psfex extract NONE,RL,NET "$data/sextractor/galaxies.fits[1:600,1:600]" -PSF_TYPE PSFEX -PSF_NAME "$data/sextractor/default.psf" \
     -WEIGHT_TYPE MAP_WEIGHT -WEIGHT_IMAGE "$data/sextractor/galaxies.weight.fits[1:600,1:600]"
 every galaxies-auto extract AUTO,RL_BLIND "$data/sextractor/galaxies.fits[1:400,1:400]"
-every galaxies-check extract NONE,RL,NET "$data/sextractor/galaxies.fits[600:1000,600:1000]" -SELF_CHECK Y -INVENTED_TYPE DROP
+every galaxies-check extract NONE,RL,NET "$data/sextractor/galaxies.fits[600:1000,600:1000]" -SELF_CHECK Y -PRECISION_TARGET 0.9
 every galaxies-two extract NONE,RL "$data/sextractor/galaxies.fits,$data/sextractor/galaxies.fits" -PSF_TYPE PSFEX \
     -PSF_NAME "$data/sextractor/default.psf"
 bunzip2 -kc "$data/sdss/reprojected_sdss_r.fits.bz2" >reprojected.fits

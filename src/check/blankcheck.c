@@ -82,6 +82,7 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
 #pragma omp parallel for schedule(static) num_threads(params->nthreads > 0 ? params->nthreads : 1)
     for (size_t i = 0; i < n; i++)
         copy->pixels[i] += (float)field->plain->global_level;
+    copy->gain = 0.0; /* its noise is normal, that of few photons is not */
     rx_replica_settle(copy);
     rx_tile *tile = copy;
     copy = NULL;
@@ -150,7 +151,8 @@ static rx_pipeline_params counting(const rx_pipeline_params *params)
     own.restore.keep_reblurred = 0;
     own.judge_residual = 0;
     own.restore.keep_support = 0;
-    own.templates.wanted = own.templates.drop = 0;
+    own.templates.wanted = 0;
+    own.templates.precision = 0.0;
     return own;
 }
 
@@ -172,7 +174,7 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
     rx_log_progress_begin(log);
     for (int i = 0; i < in->realisations; i++) {
         RX_TRY_EXIT(rx_interrupt_check(err));
-        RX_TRY_EXIT(run_one(&own, in, i, params->templates.drop, dst, err));
+        RX_TRY_EXIT(run_one(&own, in, i, params->templates.precision > 0.0, dst, err));
         rx_log_progress(log, "blank check", (double)(i + 1) / in->realisations);
     }
     set_rate(dst);
@@ -237,7 +239,8 @@ static rx_status run_window(const rx_pipeline_params *params, const rx_blank_inp
         check.mpixels += mpixels;
         check.false_detections += looks[i].result.sources->n;
         set_rate(&check);
-        decided = !(most > 0.0) || check.mpixels >= 1.0 || check.rate.low > most || check.rate.high < most;
+        decided = !(most > 0.0) || check.mpixels >= 1.0 || check.rate.high < most ||
+                  (check.rate.low > most && check.false_detections >= SEVERAL);
     }
     if (check.realisations == 0)
         goto exit;
@@ -319,11 +322,12 @@ static rx_status judge_templates(const rx_pipeline_params *params, rx_blankcheck
         return RX_OK;
     if (!rx_blankcheck_is_crowd(tile))
         RX_TRY(fit_preal(params, check, tile, err));
-    for (int i = 0; params->templates.drop && i < check->nfitted; i++)
-        check->false_detections +=
-            !rx_preal_doubtful(&tile->templates.preal[rx_blankcheck_is_crowd(tile)], check->fitted[i][0]);
+    RX_TRY(rx_template_fit_judge(&params->templates, &tile->templates, tile->sources, err));
+    const rx_preal *preal = &tile->templates.preal[rx_blankcheck_is_crowd(tile)];
+    for (int i = 0; params->templates.precision > 0.0 && i < check->nfitted; i++)
+        check->false_detections += rx_preal_of(preal, check->fitted[i][0]) >= tile->templates.least;
     set_rate(check);
-    return rx_template_fit_judge(&params->templates, &tile->templates, tile->sources, err);
+    return RX_OK;
 }
 
 /* 1 - false / n within 0..1. */

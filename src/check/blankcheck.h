@@ -64,7 +64,7 @@ typedef struct rx_blank_input {
 } rx_blank_input;
 
 /* The realisations through one restorer, the same ones for every restorer. Where templates were fitted to the tile,
- * they are fitted here, as in a crowd where most of the tile is one; with INVENTED_TYPE DROP these are counted by
+ * they are fitted here, as in a crowd where most of the tile is one; with PRECISION_TARGET these are counted by
  * rx_blankcheck_judge(). Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,
                             rx_blankcheck *dst, rx_error *err);
@@ -80,7 +80,7 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
 
 /* Of `tile`, that restorer on the untouched tile: P_REAL and the marks by what was fitted to its noise (fit/preal.h); as
  * they were where nothing was, and in a crowd, where the light of others hides peaks that an empty sky shows. Pieces of
- * neighbours, which noise has none of, are left out of the comparison. With INVENTED_TYPE DROP what is marked is dropped, and
+ * neighbours, which noise has none of, are left out of the comparison. PRECISION_TARGET drops by these, and
  * of what was fitted to noise the rest are the false detections. Then check->sky and ->real from the rate. Errors:
  * RX_SYSTEM. */
 rx_status rx_blankcheck_judge(const rx_pipeline_params *params, rx_result *tile, rx_blankcheck *check,

@@ -35,7 +35,7 @@ rx_status rx_checks_sources(const rx_pipeline_params *params, int sizes, const r
 rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, const rx_field *field,
                           rx_pipeline_params *params, rx_log *log, rx_blankcheck *dst, rx_error *err);
 
-/* Will the tile's noise say what INVENTED_TYPE DROP drops? Then rx_checks_run() does it, and nothing may be dropped
+/* Will the tile's noise say what PRECISION_TARGET drops? Then rx_checks_run() does it, and nothing may be dropped
  * before. */
 int rx_checks_drop(const rx_checks *checks);
 

@@ -75,7 +75,8 @@ static rx_pipeline_params own_params(const rx_pipeline_params *params)
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = own.calibrate_restored = 0;
     own.restore.keep_reblurred = own.restore.keep_support = own.restore.verify_seams = 0;
-    own.templates.wanted = own.templates.drop = 0;
+    own.templates.wanted = 0;
+    own.templates.precision = 0.0;
     own.keep_filtered = 0;
     own.measure.skip =
         RX_SKIP_APER | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN; /* whatever the columns are */

@@ -27,7 +27,7 @@ typedef struct rx_check_params {
     double density;   /* SELF_CHECK_DENSITY, per Mpixel */
     double mag[2];    /* SELF_CHECK_MAG; from >= to: around the tile's limit */
     double galaxies;  /* SELF_CHECK_GALAXIES, share */
-    int templates; /* source lists or errors depend on template fits: QA_MAG, INVENTED_TYPE DROP, MAGERR_INJECTED */
+    int templates; /* source lists or errors depend on template fits: QA_MAG, PRECISION_TARGET, MAGERR_INJECTED */
     int figures; /* QA_FIGURES */
     rx_quality_params quality;
 } rx_check_params;

@@ -32,7 +32,7 @@
 #define TILES(...) NULL
 #define RX_NEEDS_RESTORED "RESTORE_TYPE RL, RL_BLIND, NET, FILE or AUTO"
 #define RX_NEEDS_TEMPLATES \
-    "column TEMPLATE, PSF, MODEL, SPHEROID, P_REAL, P_BLEND, FLAGS_RESTORE or _INJECTED, INVENTED_TYPE DROP, TEMPLATE_COVAR_NAME, POSITIONS_NAME, QA_MAG MAG_TEMPLATE, " \
+    "column TEMPLATE, PSF, MODEL, SPHEROID, P_REAL, P_BLEND, FLAGS_RESTORE or _INJECTED, PRECISION_TARGET, TEMPLATE_COVAR_NAME, POSITIONS_NAME, QA_MAG MAG_TEMPLATE, " \
     "CHECKIMAGE_TYPE TEMPLATE_MODEL, TEMPLATE_RESIDUAL or TEMPLATE_CHI"
 #define RX_NEEDS_PSF \
     RX_NEEDS_RESTORED ", FILTER_TYPE AUTO, SELF_CHECK Y, QA_TYPE TILE, CHECKIMAGE_TYPE PSF, " RX_NEEDS_TEMPLATES
@@ -149,7 +149,10 @@ static rx_status take_survey_ways(rx_settings *settings, rx_error *err)
         conv |= settings->origin[rx_keyword_find(settings->table, sextractors[i])] != RX_FROM_DEFAULT;
     if (conv)
         RX_TRY(take_way(settings, "FILTER_TYPE", "CONV", err));
-    return is(config->filter_type, "CONV") ? take_way(settings, "DETECT_THRESH", "1.5", err) : RX_OK;
+    if (is(config->filter_type, "CONV"))
+        return take_way(settings, "DETECT_THRESH", "1.5", err);
+    /* P_REAL decides where the list ends, and is above 0.5 nowhere but in crowds for less */
+    return config->precision_target > 0.0 ? take_way(settings, "DETECT_THRESH", "3.0", err) : RX_OK;
 }
 
 /* --- rextract-simulate --- */

@@ -151,12 +151,12 @@ static void leave_sources_out(room *r)
     leave_out(middle, BRIGHT * width, FAR, r);
 }
 
-/* Leaves z - mean of what is used, 0 elsewhere. */
+/* Leaves z - mean of what is used, 0 elsewhere. Values in steps as wide as the noise have no width but that of the mesh, 1. */
 static double centre(room *r)
 {
     double middle, sum = 0.0, squares = 0.0;
     long n = 0;
-    const double limit = CUT * width_of(r->z, r, &middle);
+    const double limit = CUT * fmax(width_of(r->z, r, &middle), 1.0);
     for (int i = 0; i < AREA; i++) {
         r->good[i] = r->good[i] && fabs((double)r->z[i] - middle) <= limit;
         sum += r->good[i] ? (double)r->z[i] : 0.0;

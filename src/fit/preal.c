@@ -3,7 +3,12 @@
 
 #include <math.h>
 #include <stddef.h>
+#include <stdlib.h>
 #include <string.h>
+
+#include "base/memory.h"
+#include "base/min_max.h"
+#include "num/stats.h"
 
 static const double LEAST = 2.5;  /* sigmas */
 static const double BRIGHT = 6.0; /* of noise none is found above, */
@@ -16,6 +21,8 @@ enum { BINS = 72 };
 /* True S/N at which the counts of a crowd may end, 14 of them; that they do not, the first case, is as probable as all these. */
 static const double FIRST_END = 2.0, NEXT_END = 0.25;
 enum { ENDS = 15 };
+static const double CONFIDENCE = 0.95,
+                    SURE = 1.645; /* sigmas that as much of a normal distribution lies below */
 static const double PIVOT = 25.0; /* evidence that slopes and powers refer to */
 static const double SHIFT_SIGMA = 1.0, SLOPE_SIGMA = 0.5;
 static const double LEAST_SLOPE = -0.25; /* P rises from LEAST on */
@@ -178,6 +185,44 @@ double rx_preal_limit(const rx_preal *preal)
             high = s;
     }
     return high;
+}
+
+/* found[0..n - 1], probabilities that so many of a list are not there, with one more that is not with probability q. */
+static void add_one(double *found, int n, double q)
+{
+    for (int k = n - 1; k > 0; k--)
+        found[k] = found[k] * (1.0 - q) + found[k - 1] * q;
+    found[0] *= 1.0 - q;
+}
+
+rx_status rx_preal_least(const double *preal, int n, double precision, double *least, rx_error *err)
+{
+    rx_status status = RX_OK;
+    int known = 0;
+    double *found = RX_NEW(double, (size_t)n + 2);
+    rx_ranked *ranked = RX_NEW(rx_ranked, (size_t)n);
+    *least = HUGE_VAL;
+    if (found == NULL || ranked == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * (sizeof *found + sizeof *ranked)));
+    for (int i = 0; i < n; i++)
+        if (preal[i] >= 0.5)
+            ranked[known++] = (rx_ranked){preal[i], i};
+    rx_rank_falling(ranked, (size_t)known);
+    found[0] = 1.0;
+    for (int i = 0; i < known; i++) {
+        const double p = ranked[i].value, odds = (1.0 - p) * exp(SURE * SCALE_SIGMA);
+        const int room = (int)((1.0 - precision) * (i + 1) + 1e-9);
+        double sum = 0.0;
+        add_one(found, rx_min_int(i, (int)((1.0 - precision) * known)) + 2, odds / (p + odds));
+        for (int k = 0; k <= room; k++)
+            sum += found[k];
+        if (sum >= CONFIDENCE)
+            *least = p;
+    }
+exit:
+    free(found);
+    free(ranked);
+    return status;
 }
 
 int rx_preal_owes(double evidence, double snr)

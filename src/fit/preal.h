@@ -12,6 +12,7 @@
 #ifndef RX_FIT_PREAL_H
 #define RX_FIT_PREAL_H
 
+#include "base/error.h"
 #include "base/extern.h"
 
 RX_BEGIN_DECLS
@@ -42,6 +43,11 @@ double rx_preal_of(const rx_preal *preal, double evidence);
 /* 1: more probably not there than there, P below 0.5. */
 int rx_preal_doubtful(const rx_preal *preal, double evidence);
 double rx_preal_limit(const rx_preal *preal); /* the significance where P is 0.5, at least 2.5 */
+
+/* The least P that a source of a list may have so that with a probability of 0.95 the share of those that are there is `precision` at
+ * least, of the longest list there is: 0.5 at least, HUGE_VAL where no list is. How many are not there follows from P of each, of
+ * which the peaks of noise are known to 20 % (RX_SYSTEM). NAN is left out. */
+rx_status rx_preal_least(const double *preal, int n, double precision, double *least, rx_error *err);
 
 /* 1: a neighbour takes more than half of its S/N squared; without a neighbour the evidence is (S/N)^2. */
 int rx_preal_owes(double evidence, double snr);

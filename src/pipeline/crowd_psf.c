@@ -125,7 +125,7 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
     par.judge_residual = 0;
     if (par.detect.filter_auto) /* this PSF cannot decide */
         rx_proposals_without_psf(&par.detect);
-    par.templates.drop = 0;
+    par.templates.precision = 0.0;
     /* Points describe galaxies and blends well enough to take them off the stars beside them. */
     par.templates.par.extended = par.templates.par.covariance = par.templates.par.point_fits = 0;
     par.templates.par.keep_model = 1;

@@ -50,7 +50,7 @@ typedef struct rx_positions {
 typedef struct rx_template_params {
     int wanted;
     rx_tphot_params par;           /* keep_model, covariance: of the image that is measured */
-    int drop;                      /* INVENTED_TYPE DROP */
+    double precision;              /* PRECISION_TARGET; 0: the list is as it is */
     const rx_positions *positions; /* where fluxes are fitted whatever is there; NULL: nowhere */
 } rx_template_params;
 

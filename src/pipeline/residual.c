@@ -145,7 +145,8 @@ static void look_at_quarters(const work *w, int k, const window *v)
     w->dst->cell[k] |= (unsigned char)(quarters << 5);
 }
 
-/* Of t where nothing hides it; NAN: in too few pixels. */
+/* Of t where nothing hides it; NAN: in too few pixels. Noise in steps may be as wide as it should be at one half of its values;
+ * it is too narrow there or at two thirds. */
 static double width_of(const window *v)
 {
     size_t n = 0;
@@ -153,9 +154,11 @@ static double width_of(const window *v)
         for (int x = v->x[0]; x < v->x[1]; x++)
             if (v->hidden[y * v->width + x] == 0)
                 v->values[n++] = fabs((double)v->t[y * v->width + x]);
-    return (double)n >= ENOUGH * (v->x[1] - v->x[0]) * (v->y[1] - v->y[0])
-               ? rx_median(v->values, n) * RX_MAD_SIGMA
-               : NAN;
+    if ((double)n < ENOUGH * (v->x[1] - v->x[0]) * (v->y[1] - v->y[0]))
+        return NAN;
+    const double half = rx_median(v->values, n) * RX_MAD_SIGMA,
+                 most = rx_quantile(v->values, n, erf(M_SQRT1_2));
+    return most < LOW ? fmin(half, most) : half;
 }
 
 static rx_status look_at_cell(const work *w, int k, window *v, rx_error *err)

@@ -316,10 +316,11 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
                                 rx_error *err)
 {
     unsigned char *keep = RX_NEW(unsigned char, (size_t)sources->n);
+    double *preal = RX_NEW(double, (size_t)sources->n);
     rx_status status = RX_OK;
-    int marked = 0;
-    if (keep == NULL)
-        return rx_error_memory(err, (size_t)sources->n);
+    int marked = 0, kept = 0;
+    if (keep == NULL || preal == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)sources->n * (sizeof *keep + sizeof *preal)));
     for (int i = 0; i < sources->n; i++) {
         rx_source_template *t = &sources->list[i].fit;
         t->restore &= ~(RX_RESTORE_UNTESTED | RX_RESTORE_SPURIOUS | RX_RESTORE_SHRED);
@@ -333,16 +334,21 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
             if (rx_preal_doubtful(preal, t->evidence))
                 t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_SPURIOUS;
         }
-        keep[i] = !rx_source_is_spurious(&sources->list[i]);
-        marked += !keep[i];
+        preal[i] = t->preal;
+        marked += rx_source_is_spurious(&sources->list[i]);
     }
     fit->invented = fit->dropped + marked;
     fit->per_mpixel = fit->tphot->visible > 0 ? 1e6 * fit->invented / fit->tphot->visible : NAN;
-    if (par->drop && marked > 0) {
-        fit->dropped += marked;
+    if (par->precision > 0.0) {
+        RX_TRY_EXIT(rx_preal_least(preal, sources->n, par->precision, &fit->least, err));
+        for (int i = 0; i < sources->n; i++)
+            kept += keep[i] = !(preal[i] < fit->least);
+        fit->dropped += sources->n - kept;
         status = rx_sources_select(sources, keep, err);
     }
+exit:
     free(keep);
+    free(preal);
     return status;
 }
 

@@ -16,10 +16,11 @@ RX_BEGIN_DECLS
 
 /* What one call found, for header, report and check-images. */
 typedef struct rx_template_fit {
-    rx_tphot *tphot; /* owned; sources in the order of the list; NULL: nothing was fitted */
-    int added;       /* sources that only the residual showed */
-    int invented;    /* sources with a mark of FLAGS_RESTORE, before they are dropped */
-    int dropped;
+    rx_tphot *tphot;   /* owned; sources in the order of the list; NULL: nothing was fitted */
+    int added;         /* sources that only the residual showed */
+    int invented;      /* sources with a mark of FLAGS_RESTORE, before they are dropped */
+    int dropped;       /* by PRECISION_TARGET, */
+    double least;      /* of P_REAL below this */
     double per_mpixel; /* invented per 10^6 usable pixels */
     double chi2;       /* reduced, of the residual over usable pixels: noise of sky and photons */
     double fwhm;       /* of the PSF that was fitted, pixels */
@@ -32,13 +33,13 @@ typedef struct rx_template_fit {
 /* Fill `fit` of every source of the list, detected on `restored`, from the pixels of fields.measure. The PSF is
  * restored->blur, else that of the field; without one nothing is fitted, with a warning. In dual-image mode
  * positions, shapes and added sources are those of fields.detect (forced photometry). Added sources are appended,
- * those that are marked removed where the options say so. detection_snr of added sources is left at 0. Saturated
+ * those that PRECISION_TARGET has no room for removed. detection_snr of added sources is left at 0. Saturated
  * pixels never take part. Errors: RX_INPUT, RX_USAGE, RX_SYSTEM, RX_INTERRUPTED. Free with rx_template_fit_free(). */
 rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,
                               rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err);
 
-/* P_REAL and the marks of FLAGS_RESTORE of every source anew as fit->preal says, and those that are marked removed
- * where the options say so. A source is marked where it is more probably not there than there: SHRED where a
+/* P_REAL and the marks of FLAGS_RESTORE of every source anew as fit->preal says, and those removed that PRECISION_TARGET
+ * has no room for. A source is marked where it is more probably not there than there: SHRED where a
  * neighbour takes more than half of its S/N squared, else INVENTED. Errors: RX_SYSTEM. */
 rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *fit, rx_sources *sources,
                                 rx_error *err);

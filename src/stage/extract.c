@@ -96,18 +96,28 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
 {
     const rx_tile *tile = w->detect->tile;
     const rx_template_fit *fit = &w->result.templates;
-    char text[256];
+    char text[320];
     run->tested = fit->tphot != NULL;
     run->invented_per_mpixel = fit->per_mpixel;
+    const double precision = w->options->pipeline.templates.precision;
+    if (precision > 0.0 && (!run->tested || fit->unknown_noise))
+        rx_log_warning(
+            log,
+            "%s[%d]: %s: no source can be tested, so that PRECISION_TARGET leaves the list as it was "
+            "detected; raise DETECT_THRESH",
+            tile->name, tile->hdu, run->label);
     if (!run->tested)
         return;
+    char dropped[60] = "";
+    if (fit->dropped > 0)
+        snprintf(dropped, sizeof dropped, ", %d dropped (P_REAL below %.3f)", fit->dropped, fit->least);
     snprintf(text, sizeof text,
              "templates: %d sources in %d groups (largest %d), %d of them added from the residual; %d (%.3g "
              "per Mpixel) not significant in the untouched pixels%s; residual chi2 %.3f",
              fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented,
-             fit->per_mpixel, fit->dropped > 0 ? ", dropped" : "", fit->chi2);
+             fit->per_mpixel, dropped, fit->chi2);
     tell_account(run, tile, text, log);
-    if (rx_spurious_are_many(fit->invented, w->result.sources->n + fit->dropped))
+    if (!(precision > 0.0) && rx_spurious_are_many(fit->invented, w->result.sources->n + fit->dropped))
         rx_log_warning(log,
                        "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, "
                        "PSF and GAIN those of these pixels? If so, raise DETECT_THRESH",
@@ -140,7 +150,7 @@ static void tell_sources(const rx_run *run, const work *w, rx_log *log)
     if (check->n > 0 && !rx_fluxcheck_is_off(check)) /* else rx_runs_warn() says so */
         snprintf(fluxes, sizeof fluxes, ", flux restored/untouched %.4f +- %.4f", check->wide,
                  check->wide_error);
-    if (run->tested && w->result.templates.invented > 0)
+    if (run->tested && w->result.templates.invented > 0 && w->result.templates.dropped == 0)
         snprintf(marked, sizeof marked, ", %d marked in FLAGS_RESTORE", w->result.templates.invented);
     rx_log_info(log, "%s[%d]: %s: %d sources%s%s", tile->name, tile->hdu, run->label, w->result.sources->n,
                 marked, fluxes);
@@ -272,10 +282,11 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
         status = rx_position_list_pixels(options->positions, options->positions_name, w.measure->tile, log,
                                          &w.positions, err);
     if (status == RX_OK) {
-        w.params.templates.drop = options->pipeline.templates.drop && !rx_checks_drop(in->checks);
+        if (rx_checks_drop(in->checks))
+            w.params.templates.precision = 0.0;
         w.params.templates.positions = options->positions != NULL ? &w.positions : NULL;
         status = rx_field_extract(&w.params, w.kind, detect, measure, log, &w.result, err);
-        w.params.templates.drop = options->pipeline.templates.drop;
+        w.params.templates.precision = options->pipeline.templates.precision;
         w.params.templates.positions = NULL;
     }
     free(w.positions.at);

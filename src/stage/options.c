@@ -209,13 +209,13 @@ static rx_status template_options(rx_options *dst, rx_error *err)
                             "MAGERR_INJECTED and MAGERR95_INJECTED come from objects that SELF_CHECK "
                             "injects; give SELF_CHECK Y, or leave out these columns");
     /* checks inject objects and look at their fluxes without a reference catalogue, too */
-    dst->check.templates = par->drop || compared || injected;
+    dst->check.templates = par->precision > 0.0 || compared || injected;
     for (int i = 0; i < dst->nchecks; i++)
         par->par.keep_model |= strncmp(dst->check_types[i], "TEMPLATE_", 9) == 0;
     par->par.sersic_fits = rx_columns_mention(dst->columns, "SPHEROID");
     par->par.point_fits = par->par.sersic_fits || rx_columns_mention(dst->columns, "PSF") ||
                           rx_columns_mention(dst->columns, "SPREAD");
-    par->wanted = injected || par->drop || dst->positions != NULL || par->par.covariance ||
+    par->wanted = injected || par->precision > 0.0 || dst->positions != NULL || par->par.covariance ||
                   par->par.keep_model || par->par.point_fits || (compared && dst->reference.name != NULL) ||
                   rx_columns_mention(dst->columns, "TEMPLATE") ||
                   rx_columns_mention(dst->columns, "_MODEL") ||

@@ -85,7 +85,7 @@ refuse 'a network of two stages, verified' ../tile.fits -RESTORE_TYPE NET -NET_M
 refuse 'two images' ../tile.fits,../tile.fits -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 3 -MEASURE_ON ORIGINAL \
     -CATALOG_TYPE ASCII
 refuse 'templates, their images and covariances' ../tile.fits -RESTORE_TYPE NONE,RL -RL_NITER 2 -PSF_TYPE MOFFAT -PSF_FWHM 2.5 \
-    -CATALOG_TYPE FITS_LDAC -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.fits -INVENTED_TYPE DROP \
+    -CATALOG_TYPE FITS_LDAC -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.fits -PRECISION_TARGET 0.9 \
     -DETECT_THRESH 0.6 -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL,TEMPLATE_CHI -CHECKIMAGE_NAME r.fits,x.fits
 refuse 'templates of two images' ../tile.fits,../tile.fits -RESTORE_TYPE NONE -PSF_TYPE MOFFAT -PSF_FWHM 2.5 \
     -CATALOG_TYPE ASCII -PARAMETERS_NAME ../template.param -TEMPLATE_COVAR_NAME c.txt -POSITIONS_NAME ../positions.list

@@ -46,7 +46,7 @@ KINDS = {
     "NONE self check": ["NONE", "-SELF_CHECK", "Y", "-SELF_CHECK_DENSITY", "1000", "-PSF_TYPE", "MOFFAT", "-PSF_FWHM", "3"],
     "RL self check": ["RL", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "200", "-SELF_CHECK_DENSITY", "1000", "-SELF_CHECK_NAME", "check"],
     "NET self check": ["NET", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "200", "-SELF_CHECK_DENSITY", "1000"],
-    "RL template self check": ["RL", "TEMPLATES", "-INVENTED_TYPE", "DROP", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "20"],
+    "RL template self check": ["RL", "TEMPLATES", "-PRECISION_TARGET", "0.9", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "20"],
     "NONE blank check": ["NONE", "-BLANK_CHECK", "1"],
     "RL blank check": ["RL", "-BLANK_CHECK", "1"],
     "NET blank check": ["NET", "-BLANK_CHECK", "1"],

@@ -213,15 +213,15 @@ make_fits tile tile.fits && printf 'NUMBER\nX_IMAGE\nFLUX_TEMPLATE\nP_REAL\n' >m
 if [ "$active" = 1 ]; then
     list_files >../before
     code=0
-    for kind in FLAG DROP; do
-        timeout 300 "$program" tile.fits $known -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME $kind.cat -TEMPLATE_TYPE POINT \
-            -CROWDING N -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -BLANK_CHECK 6 -INVENTED_TYPE $kind -VERBOSE_TYPE QUIET >>../out 2>>../err || code=$?
+    for target in 0 0.5; do
+        timeout 300 "$program" tile.fits $known -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME $target.cat -TEMPLATE_TYPE POINT \
+            -CROWDING N -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -BLANK_CHECK 6 -PRECISION_TARGET $target -VERBOSE_TYPE QUIET >>../out 2>>../err || code=$?
     done
     echo $code >../code
-    awk '$4 >= 0.5' FLAG.cat | cut -c 11- >../kept
-    cut -c 11- DROP.cat | diff ../kept - >>../err
-    if [ "$(wc -l <../kept)" -le 4 ] || [ "$(wc -l <../kept)" -ge "$(($(wc -l <FLAG.cat) - 4))" ]; then wc -l ../kept FLAG.cat >>../err; fi
-    leaves FLAG.cat DROP.cat
+    awk '$4 >= 0.5' 0.cat | cut -c 11- >../kept
+    cut -c 11- 0.5.cat | diff ../kept - >>../err
+    if [ "$(wc -l <../kept)" -le 4 ] || [ "$(wc -l <../kept)" -ge "$(($(wc -l <0.cat) - 4))" ]; then wc -l ../kept 0.cat >>../err; fi
+    leaves 0.cat 0.5.cat
     judge 0 ''
 fi
 

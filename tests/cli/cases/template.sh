@@ -20,7 +20,7 @@ TEMPLATE_PASSES one 'one' is not a number$
 TEMPLATE_BACKSIZE -1 -1 is out of range, give 0 to
 TEMPLATE_PSFERR 1.5 1\.5 is out of range, give 0 to 1$
 TEMPLATE_PSFERR -0.1 -0\.1 is out of range, give 0 to 1$
-INVENTED_TYPE DROPP unknown word 'DROPP' \(did you mean DROP\?\)
+PRECISION_TARGET 1 1 is out of range, give 0 to 0.999$
 QA_MAG MAG_TEMPLAT unknown word 'MAG_TEMPLAT' \(did you mean MAG_TEMPLATE\?\)
 CHECKIMAGE_TYPE TEMPLATE_RESIDUALS unknown word 'TEMPLATE_RESIDUALS' \(did you mean TEMPLATE_RESIDUAL\?\)
 END
@@ -77,11 +77,12 @@ make_fits tile tile.fits && printf "%b" "$columns" >my.param
 if [ "$active" = 1 ]; then
     list_files >../before
     "$program" tile.fits -RESTORE_TYPE NONE -PSF_TYPE AUTO -PSF_MINSNR 1e6 -PARAMETERS_NAME my.param \
-        -CATALOG_TYPE ASCII -CATALOG_NAME test.cat -TEMPLATE_COVAR_NAME c.cat -INVENTED_TYPE DROP \
+        -CATALOG_TYPE ASCII -CATALOG_NAME test.cat -TEMPLATE_COVAR_NAME c.cat -PRECISION_TARGET 0.95 \
         -CHECKIMAGE_TYPE TEMPLATE_RESIDUAL -CHECKIMAGE_NAME r.fits >../out 2>../said
     echo $? >../code
     {
         grep -q 'warning: tile.fits.0.: the PSF is not known, so no templates are fitted' ../said || echo 'no warning'
+        grep -q 'warning: tile.fits.0.: NONE: no source can be tested, so that PRECISION_TARGET leaves the list' ../said || echo 'not said of the list'
         [ "$(awk '$3 == "nan" && $4 == "nan" && $6 == "nan" && $7 == 0 && $8 == 4' test.cat | wc -l)" = 16 ] || cat test.cat
         [ "$(wc -l <c.cat)" = 0 ] || echo 'covariances of nothing'
     } >../err
@@ -122,10 +123,10 @@ make_fits tile tile.fits && printf "%b" "$columns" >my.param
 if [ "$active" = 1 ]; then
     list_files >../before
     "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat \
-        -TEMPLATE_TYPE POINT -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -INVENTED_TYPE FLAG -VERBOSE_TYPE QUIET >../out 2>../err &&
+        -TEMPLATE_TYPE POINT -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -VERBOSE_TYPE QUIET >../out 2>../err &&
         awk '$8 % 4 == 0' test.cat | cut -c 11- >../kept && cp test.cat ../all &&
         "$program" tile.fits $moffat -PSF_TYPE AUTO -PARAMETERS_NAME my.param -CATALOG_TYPE ASCII -CATALOG_NAME test.cat \
-            -TEMPLATE_TYPE POINT -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -INVENTED_TYPE DROP -VERBOSE_TYPE QUIET >>../out 2>>../err
+            -TEMPLATE_TYPE POINT -DETECT_THRESH 0.6 -DETECT_MINAREA 2 -PRECISION_TARGET 0.5 -VERBOSE_TYPE QUIET >>../out 2>>../err
     echo $? >../code
     cut -c 11- test.cat | diff ../kept - >>../err
     if [ "$(wc -l <../kept)" -le 4 ] || [ "$(wc -l <../kept)" -ge "$(($(wc -l <../all) - 4))" ]; then wc -l ../kept ../all >>../err; fi

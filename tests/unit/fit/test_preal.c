@@ -207,6 +207,56 @@ static void pieces_owe_their_light(void **state)
     assert_int_equal(rx_preal_owes(0, -5), 0);
 }
 
+/* Of n with that chance each. */
+static double binomial(int n, int k, double chance)
+{
+    return k > n ? 0
+                 : exp(lgamma(n + 1) - lgamma(k + 1) - lgamma(n - k + 1) + k * log(chance) +
+                       (n - k) * log1p(-chance));
+}
+
+/* That at most `most` of a sure and b doubtful sources are none. */
+static double at_most(int a, double p, int b, double q, int most)
+{
+    double sum = 0;
+    for (int i = 0; i <= most; i++)
+        for (int j = 0; i + j <= most; j++)
+            sum += binomial(a, i, p) * binomial(b, j, q);
+    return sum;
+}
+
+/* A list ends where the binomial distributions of its two kinds say so, whatever the order and what is not known. */
+static void a_list_is_as_deep_as_its_precision(void **state)
+{
+    (void)state;
+    enum { SURE = 300, DOUBTFUL = 200, N = SURE + DOUBTFUL + 20 };
+    static const double precision[] = {0.9, 0.95, 0.98, 0.995}, more = 1.3896; /* exp(1.645 * 0.2) */
+    double preal[N], least;
+    const double sure = 0.003 * more / (0.997 + 0.003 * more), doubtful = 0.3 * more / (0.7 + 0.3 * more);
+    for (int i = 0; i < N; i++)
+        preal[(i * 211) % N] = i < SURE              ? 0.997
+                               : i < SURE + DOUBTFUL ? 0.7 - 1e-9 * i
+                               : i % 2 == 0          ? NAN
+                                                     : 0.49;
+    int last = DOUBTFUL;
+    for (int k = 0; k < 4; k++) {
+        const int before = last;
+        last = 0;
+        for (int b = 1; b <= DOUBTFUL; b++)
+            if (at_most(SURE, sure, b, doubtful, (int)((1 - precision[k]) * (SURE + b) + 1e-9)) >= 0.95)
+                last = b;
+        assert_int_equal(rx_preal_least(preal, N, precision[k], &least, NULL), RX_OK);
+        assert_near(least, last > 0 ? 0.7 - 1e-9 * (SURE + last - 1) : 0.997, 1e-12);
+        assert_true(k < 3 ? last > 0 && last < before : last == 0);
+    }
+    assert_int_equal(rx_preal_least(preal, N, 0.999, &least, NULL), RX_OK);
+    assert_near(least, 0.997, 0); /* the first few, of which none may be false */
+    preal[0] = 0.6;
+    assert_int_equal(rx_preal_least(preal, 1, 0.95, &least, NULL), RX_OK);
+    assert_true(least > 1); /* nothing is sure enough */
+    assert_int_equal(rx_preal_least(preal, 0, 0.95, &least, NULL), RX_OK);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -214,6 +264,7 @@ int main(void)
         cmocka_unit_test(a_crowd_says_how_its_counts_go_on),
         cmocka_unit_test(noise_of_the_tile_sets_it_right),
         cmocka_unit_test(little_noise_says_little),
+        cmocka_unit_test(a_list_is_as_deep_as_its_precision),
         cmocka_unit_test(pieces_owe_their_light),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -173,7 +173,7 @@ static void covariances_as_a_table(void **state)
     (void)state;
     long rows[2] = {0};
     for (int dropped = 0; dropped < 2; dropped++) {
-        const setting settings[] = {{"INVENTED_TYPE", dropped ? "DROP" : "FLAG"},
+        const setting settings[] = {{"PRECISION_TARGET", dropped ? "0.5" : "0"},
                                     {"DETECT_THRESH", "0.6"},
                                     {"TEMPLATE_TYPE", "POINT"},
                                     {"TEMPLATE_COVAR_NAME", "c.cat"},

@@ -422,8 +422,11 @@ static void what_is_made_up_is_marked_or_dropped(void **state)
     scene s;
     few_stars(&s, 1, FWHM, 14);
     for (int dropped = 0; dropped < 2; dropped++) {
-        const setting settings[] = {
-            {"INVENTED_TYPE", dropped ? "DROP" : "FLAG"}, {"TEMPLATE_TYPE", "POINT"}, {NULL, NULL}};
+        const setting settings[] = {{"PRECISION_TARGET", dropped ? "0.5" : "0"},
+                                    {"FILTER_TYPE", "AUTO"},
+                                    {"DETECT_THRESH", "5"},
+                                    {"TEMPLATE_TYPE", "POINT"},
+                                    {NULL, NULL}};
         desk d;
         desk_open(&d, "RL", &s, NULL, 0, settings);
         rx_sources *list = d.result.sources;
@@ -695,7 +698,7 @@ static void nothing_to_fit(void **state)
     (void)state;
     static const setting settings[] = {{"DETECT_THRESH", "8"},
                                        {"ANALYSIS_THRESH", "8"},
-                                       {"INVENTED_TYPE", "DROP"},
+                                       {"PRECISION_TARGET", "0.95"},
                                        {"TEMPLATE_COVAR_NAME", "c.cat"},
                                        {NULL, NULL}};
     static uint8_t mask[AREA];

@@ -113,7 +113,7 @@ static void test_units_change_nothing(void **state)
     static const kind kinds[] = {{"NONE", "MOFFAT", 0, 1e-12},
                                  {"NONE", "MOFFAT", 1, 1e-12},
                                  {"RL", "AUTO", 0, 1e-12},
-                                 {"NET", "MOFFAT", 0, 2e-4}};
+                                 {"NET", "MOFFAT", 0, 4e-4}};
     static const int powers[] = {-110, -66, 62, 108};
     char model[1024];
     snprintf(model, sizeof model, "%s/config/psfnet-fast.fits", getenv("srcdir"));
