@@ -85,7 +85,8 @@ static double of_few_photons(const rx_fit_image *c, const rx_fit_source *s)
                          photons = light * c->gain;
             if (!(c->weight[k] > 0) || !(light > 0))
                 continue;
-            const double variance = s->grain * s->grain / ((double)c->weight[k] * rx_fit_image_quiet(c, k, light)),
+            const double variance =
+                             s->grain * s->grain / ((double)c->weight[k] * rx_fit_image_quiet(c, k, light)),
                          below = variance * c->gain * c->gain;
             rise += 2 * ((below + photons) * log1p(photons / below) - photons);
             normal += photons * photons / below;
