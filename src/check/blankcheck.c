@@ -49,10 +49,11 @@ exit:
     return status;
 }
 
-rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *field,
-                              const rx_noise_correlation *noise, const rx_replica_part *part,
-                              rx_random_stream from, rx_field **dst, rx_error *err)
+rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_blank_input *in,
+                              const rx_replica_part *part, rx_random_stream from, rx_field **dst,
+                              rx_error *err)
 {
+    const rx_field *field = in->field;
     const rx_map noise_map = rx_background_noise(field->plain);
     rx_tile *copy = NULL;
     rx_psf *psf = NULL;
@@ -62,7 +63,10 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
     RX_TRY(rx_replica_new(field->tile, part, &copy, err));
     rx_status status = RX_OK;
     const int width = copy->width, height = copy->height;
-    const size_t n = (size_t)width * (size_t)height;
+    const size_t n = (size_t)width * (size_t)height, wide = (size_t)field->tile->width,
+                 corner = part != NULL ? (size_t)part->y * wide + (size_t)part->x : 0;
+    const float *light = in->light;
+    const double gain = field->image.gain;
     float *sigma = RX_NEW(float, n);
     if (field->psf != NULL)
         psf = rx_replica_psf(field->psf, part);
@@ -75,13 +79,18 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *
             rx_map_row(&noise_map, y + (part != NULL ? part->y : 0), part != NULL ? part->x : 0, width, row);
         if (from != row)
             memcpy(row, from, (size_t)width * sizeof *row);
+        for (int x = 0; x < width && light != NULL && gain > 0.0; x++)
+            row[x] = (float)sqrt((double)row[x] * row[x] +
+                                 fmax(light[corner + (size_t)y * wide + (size_t)x], 0.0) / gain);
     }
     const rx_map map = rx_map_plane(sigma, width);
-    RX_TRY_EXIT(rx_sky_noise_draw(noise, &map, height, from, params->nthreads, copy->pixels, err));
+    RX_TRY_EXIT(rx_sky_noise_draw(in->noise, &map, height, from, params->nthreads, copy->pixels, err));
     /* a map of the sky follows large sources: on it, their light would be found again */
 #pragma omp parallel for schedule(static) num_threads(params->nthreads > 0 ? params->nthreads : 1)
     for (size_t i = 0; i < n; i++)
-        copy->pixels[i] += (float)field->plain->global_level;
+        copy->pixels[i] +=
+            (float)field->plain->global_level +
+            (light != NULL ? light[corner + i / (size_t)width * wide + i % (size_t)width] : 0.0f);
     copy->gain = 0.0; /* its noise is normal, that of few photons is not */
     rx_replica_settle(copy);
     rx_tile *tile = copy;
@@ -120,8 +129,8 @@ static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input 
 {
     rx_field *blank = NULL;
     rx_result result = {0};
-    RX_TRY(rx_blankcheck_field(params, in->field, in->noise, NULL,
-                               (rx_random_stream){params->seed, NOISE + (uint64_t)number}, &blank, err));
+    RX_TRY(rx_blankcheck_field(params, in, NULL, (rx_random_stream){params->seed, NOISE + (uint64_t)number},
+                               &blank, err));
     rx_status status;
     RX_TRY_EXIT(rx_field_extract(params, in->kind, blank, NULL, NULL, &result, err));
     const rx_tphot *tphot = result.templates.tphot;
@@ -197,8 +206,8 @@ static rx_status take_look(const rx_pipeline_params *params, const rx_blank_inpu
         rx_replica_window(tile, &(rx_replica_part){.width = tile->width, .height = tile->height}, side);
     const uint64_t stream = NOISE + (uint64_t)side + ((uint64_t)number << 16);
     *mpixels = 0.0;
-    RX_TRY(rx_blankcheck_field(params, in->field, in->noise, &window,
-                               (rx_random_stream){params->seed, stream}, &dst->blank, err));
+    RX_TRY(
+        rx_blankcheck_field(params, in, &window, (rx_random_stream){params->seed, stream}, &dst->blank, err));
     RX_TRY(rx_field_extract(params, in->kind, dst->blank, NULL, NULL, &dst->result, err));
     if (dst->result.by == NULL)
         *mpixels = searched(params, &dst->result, 0);

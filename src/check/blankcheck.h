@@ -45,12 +45,6 @@ typedef struct rx_blankcheck {
 rx_status rx_blankcheck_noise(const rx_field *field, const int32_t *segments, int nthreads,
                               rx_noise_correlation *dst, rx_error *err);
 
-/* The tile of `field`, or a part of it, with nothing on a flat sky but a realisation of its noise, the one numbered
- * `stream` of `seed`, made ready with the field's PSF. Free with rx_field_free(). Errors: RX_SYSTEM. */
-rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_field *field,
-                              const rx_noise_correlation *noise, const rx_replica_part *part,
-                              rx_random_stream from, rx_field **dst, rx_error *err);
-
 /* Have templates found that most of the tile is a crowd? */
 int rx_blankcheck_is_crowd(const rx_result *tile);
 
@@ -59,9 +53,16 @@ typedef struct rx_blank_input {
     const rx_restorer *kind;
     const rx_field *field;
     const rx_noise_correlation *noise;
+    const float *light; /* [height][width] ADU above the sky, with its photons; NULL: none */
     int realisations;
     const rx_result *tile; /* what it made of the tile itself, or NULL */
 } rx_blank_input;
+
+/* The tile of in->field, or a part of it, with nothing on a flat sky but in->light and a realisation of its noise, the one numbered
+ * `stream` of `seed`, made ready with the field's PSF. Free with rx_field_free(). Errors: RX_SYSTEM. */
+rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_blank_input *in,
+                              const rx_replica_part *part, rx_random_stream from, rx_field **dst,
+                              rx_error *err);
 
 /* The realisations through one restorer, the same ones for every restorer. Where templates were fitted to the tile,
  * they are fitted here, as in a crowd where most of the tile is one; with PRECISION_TARGET these are counted by

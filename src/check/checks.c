@@ -226,8 +226,9 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *param
     if (status == RX_OK && checks != NULL && checks->blank) {
         const rx_blankcheck quick = dst->blank;
         status = rx_blankcheck_run(
-            params, &(rx_blank_input){kind, checks->field, &checks->noise, checks->par->blank_check, tile},
-            log, &dst->blank, err);
+            params,
+            &(rx_blank_input){kind, checks->field, &checks->noise, NULL, checks->par->blank_check, tile}, log,
+            &dst->blank, err);
         dst->blank.raised = quick.raised;
         dst->blank.asked = quick.asked;
     }

@@ -23,6 +23,8 @@ static const double FIRST_END = 2.0, NEXT_END = 0.25;
 enum { ENDS = 15 };
 static const double CONFIDENCE = 0.95,
                     SURE = 1.645; /* sigmas that as much of a normal distribution lies below */
+/* Of ln(R / F) of a tile at 4 sigma: SCALE_SIGMA, and as much by counts from 6 sigma on that go on by a power of half more or less. */
+static const double ODDS_SIGMA = 0.3;
 static const double PIVOT = 25.0; /* evidence that slopes and powers refer to */
 static const double SHIFT_SIGMA = 1.0, SLOPE_SIGMA = 0.5;
 static const double LEAST_SLOPE = -0.25; /* P rises from LEAST on */
@@ -210,7 +212,7 @@ rx_status rx_preal_least(const double *preal, int n, double precision, double *l
     rx_rank_falling(ranked, (size_t)known);
     found[0] = 1.0;
     for (int i = 0; i < known; i++) {
-        const double p = ranked[i].value, odds = (1.0 - p) * exp(SURE * SCALE_SIGMA);
+        const double p = ranked[i].value, odds = (1.0 - p) * exp(SURE * ODDS_SIGMA);
         const int room = (int)((1.0 - precision) * (i + 1) + 1e-9);
         double sum = 0.0;
         add_one(found, rx_min_int(i, (int)((1.0 - precision) * known)) + 2, odds / (p + odds));

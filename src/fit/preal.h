@@ -45,8 +45,8 @@ int rx_preal_doubtful(const rx_preal *preal, double evidence);
 double rx_preal_limit(const rx_preal *preal); /* the significance where P is 0.5, at least 2.5 */
 
 /* The least P that a source of a list may have so that with a probability of 0.95 the share of those that are there is `precision` at
- * least, of the longest list there is: 0.5 at least, HUGE_VAL where no list is. How many are not there follows from P of each, of
- * which the peaks of noise are known to 20 % (RX_SYSTEM). NAN is left out. */
+ * least, of the longest list there is: 0.5 at least, HUGE_VAL where no list is. How many are not there follows from P of each, whose
+ * odds are known to 0.3 in their logarithm. NAN is left out. Errors: RX_SYSTEM. */
 rx_status rx_preal_least(const double *preal, int n, double precision, double *least, rx_error *err);
 
 /* 1: a neighbour takes more than half of its S/N squared; without a neighbour the evidence is (S/N)^2. */

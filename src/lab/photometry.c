@@ -219,7 +219,7 @@ static rx_status make_tile(const rx_lab *lab, const rx_lab_unit *unit, rx_lab_ti
     rx_condition_apply(&sky->condition, dst->field);
     if (sky->field != NULL)
         status =
-            rx_blankcheck_field(par, sky->field, &sky->noise, NULL,
+            rx_blankcheck_field(par, &(rx_blank_input){.field = sky->field, .noise = &sky->noise}, NULL,
                                 (rx_random_stream){rx_lab_seed(lab, DRAW_BLANK), number}, &dst->blank, err);
     if (status == RX_OK && dst->field->unrestorable && needs_psf)
         status = rx_error_set(err, RX_INPUT,

@@ -114,6 +114,11 @@ static void paint_restored(const rx_checkimage_data *data, picture *dst)
         dst->pixels[i] = hidden(data, i) ? NAN : data->result->restored->pixels[i] + dst->pixels[i];
 }
 
+static void paint_restored_rms(const rx_checkimage_data *data, picture *dst)
+{
+    memcpy(dst->pixels, data->rms, npixels(dst) * sizeof(float));
+}
+
 static void paint_subtracted(const rx_checkimage_data *data, picture *dst)
 {
     paint_measured(data, dst);
@@ -293,6 +298,7 @@ static const struct {
 } painters[] = {
     {"IDENTICAL", paint_identical, true},
     {"RESTORED", paint_restored, false},
+    {"RESTORED_RMS", paint_restored_rms, false},
     {"BACKGROUND", paint_background, true},
     {"BACKGROUND_RMS", paint_rms, false},
     {"-BACKGROUND", paint_subtracted, true},

@@ -12,6 +12,7 @@ typedef struct rx_checkimages rx_checkimages; /* the open files of one restorer 
 /* What the images are made from; all of one extension. */
 typedef struct rx_checkimage_data {
     const rx_result *result;
+    const float *rms;            /* [height][width] for RESTORED_RMS; NULL where it was not asked for */
     int mesh_width, mesh_height; /* BACK_SIZE, for the MINIBACK types */
     const rx_record *facts;      /* of this extension */
     const rx_record *record;     /* of the run */

@@ -8,6 +8,7 @@
 #include "base/memory.h"
 #include "base/names.h"
 #include "catalog/assoc.h"
+#include "check/restored_noise.h"
 #include "data/facts.h"
 #include "io/fits_write.h"
 #include "io/tile.h"
@@ -101,11 +102,10 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
     run->invented_per_mpixel = fit->per_mpixel;
     const double precision = w->options->pipeline.templates.precision;
     if (precision > 0.0 && (!run->tested || fit->unknown_noise))
-        rx_log_warning(
-            log,
-            "%s[%d]: %s: no source can be tested, so that PRECISION_TARGET leaves the list as it was "
-            "detected; raise DETECT_THRESH",
-            tile->name, tile->hdu, run->label);
+        rx_log_warning(log,
+                       "%s[%d]: %s: no source can be tested, so that PRECISION_TARGET leaves the list as it "
+                       "was detected",
+                       tile->name, tile->hdu, run->label);
     if (!run->tested)
         return;
     char dropped[60] = "";
@@ -273,6 +273,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
               .measure = measure != NULL ? measure : detect,
               .params = options->pipeline};
     rx_record facts = {0}, shown = {0};
+    float *rms = NULL;
     const double begun = rx_seconds();
     run->checks = (rx_check_results){0};
     rx_status status = choose(run, &w, log, err);
@@ -330,7 +331,12 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     rx_facts_of_header(&facts, options->all_facts, &shown);
     RX_TRY_EXIT(shown.failed ? rx_error_memory(err, 0) : add_table(run, &w, &shown, err));
     const rx_background_params *background = &options->pipeline.background[0];
+    if (run->images != NULL && options->restored_rms) {
+        RX_TRY_EXIT(RX_MAKE(rms, (size_t)detect->tile->width * (size_t)detect->tile->height, err));
+        RX_TRY_EXIT(rx_restored_noise(&w.params, &w.result, rms, err));
+    }
     const rx_checkimage_data images = {.result = &w.result,
+                                       .rms = rms,
                                        .mesh_width = background->mesh_width,
                                        .mesh_height = background->mesh_height,
                                        .facts = &shown,
@@ -354,6 +360,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     }
 exit:
     run->seconds = rx_seconds() - begun;
+    free(rms);
     rx_record_free(&facts);
     rx_record_free(&shown);
     rx_result_free(&w.result);

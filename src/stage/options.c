@@ -245,6 +245,11 @@ static rx_status file_options(const rx_config *cfg, rx_options *dst, rx_error *e
         return rx_error_set(
             err, RX_USAGE,
             "SELF_CHECK injects objects, which FILE would have to restore; leave out one of the two");
+    if (dst->restored_rms)
+        return rx_error_set(
+            err, RX_USAGE,
+            "CHECKIMAGE_TYPE RESTORED_RMS has the tile restored again, which FILE cannot do; leave "
+            "out one of the two");
     par->file_fwhm = strtod(cfg->restored_psf, &end);
     if (*end != '\0' || cfg->restored_psf[0] == '\0') {
         par->file_fwhm = 0;
@@ -284,7 +289,8 @@ static rx_status checkimage_options(const rx_config *cfg, rx_log *log, rx_option
             return rx_error_set(err, RX_USAGE,
                                 "CHECKIMAGE_TYPE has more items than CHECKIMAGE_NAME; name a file for %s",
                                 type);
-        dst->pipeline.restore.keep_reblurred |= strcmp(type, "RESIDUAL") == 0;
+        dst->restored_rms |= strcmp(type, "RESTORED_RMS") == 0;
+        dst->pipeline.restore.keep_reblurred |= dst->restored_rms || strcmp(type, "RESIDUAL") == 0;
         dst->pipeline.keep_filtered |= strcmp(type, "FILTERED") == 0;
         dst->pipeline.restore.keep_support |= strcmp(type, "SUPPORT") == 0;
         dst->write_psf |= strcmp(type, "PSF") == 0;

@@ -32,7 +32,7 @@ typedef struct rx_options {
     int columns_built_in;        /* no file names them */
     int nchecks;
     const char *check_types[RX_LIST], *check_names[RX_LIST];
-    int write_psf; /* PSF is among them */
+    int write_psf, restored_rms; /* PSF, RESTORED_RMS are among them */
     rx_assoc_params assoc;
     rx_assoc *assoc_list; /* owned, NULL without ASSOC_NAME */
     rx_table *positions;  /* owned, NULL without POSITIONS_NAME */

@@ -29,6 +29,15 @@ begin 'restored pixels that an output would replace'
 make_fits tile tile.fits && make_fits tile r.fits
 expect 2 'CATALOG_NAME r\.fits is also (read|RESTORED_NAME)|r\.fits.*RESTORED_NAME' tile.fits $file -RESTORED_NAME r.fits -CATALOG_NAME r.fits
 
+begin 'the noise of pixels that were restored elsewhere'
+make_fits tile tile.fits && make_fits tile r.fits
+expect 2 'RESTORED_RMS has the tile restored again, which FILE cannot do; leave out one of the two$' tile.fits $file -CHECKIMAGE_TYPE RESTORED_RMS
+
+begin 'the noise of restored pixels, of a tile that only one restorer can do'
+make_fits tile tile.fits && printf 'NUMBER\n' >my.param
+leaves test_NONE.cat test_RL.cat m_NONE.fits m_RL.fits
+expect 0 '' tile.fits -RESTORE_TYPE NONE,RL -PSF_TYPE AUTO -PSF_MINSNR 1e6 -PARAMETERS_NAME my.param -CHECKIMAGE_TYPE RESTORED_RMS -CHECKIMAGE_NAME m.fits
+
 begin 'restored pixels in a campaign'
 of rextract-validate
 expect 2 'RESTORE_TYPE FILE is for single tiles' -CAMPAIGN_TYPE DETECTION -SIZE SMALL -RESTORE_TYPE NONE,FILE -OUTPUT_NAME out

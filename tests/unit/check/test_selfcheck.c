@@ -475,8 +475,9 @@ static void test_blank_below_a_large_galaxy(void **state)
     const rx_map level = rx_background_level(field->plain);
     assert_true(rx_map_at(&level, SIDE / 2, SIDE / 2) > field->plain->global_level + 2.0 * sigma);
     assert_int_equal(rx_blankcheck_noise(field, segments, 1, &noise, NULL), RX_OK);
-    assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &noise, NULL, (rx_random_stream){1, 1},
-                                         &blank, NULL),
+    assert_int_equal(rx_blankcheck_field(&b.options->pipeline,
+                                         &(rx_blank_input){.field = field, .noise = &noise}, NULL,
+                                         (rx_random_stream){1, 1}, &blank, NULL),
                      RX_OK);
     assert_int_equal(
         rx_field_extract(&b.options->pipeline, rx_restorer_find("NONE"), blank, NULL, NULL, &result, NULL),
@@ -608,7 +609,8 @@ static void test_part_of_a_tile(void **state)
     assert_int_equal(copy->mask[2 * 120 + 4], 0);
     rx_tile_free(copy);
     const double x0 = field->psf->x0, y0 = field->psf->y0;
-    assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &field->noise, &part,
+    assert_int_equal(rx_blankcheck_field(&b.options->pipeline,
+                                         &(rx_blank_input){.field = field, .noise = &field->noise}, &part,
                                          (rx_random_stream){1, 1}, &blank, NULL),
                      RX_OK);
     assert_int_equal(blank->image.width, 120);

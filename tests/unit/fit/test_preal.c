@@ -230,7 +230,7 @@ static void a_list_is_as_deep_as_its_precision(void **state)
 {
     (void)state;
     enum { SURE = 300, DOUBTFUL = 200, N = SURE + DOUBTFUL + 20 };
-    static const double precision[] = {0.9, 0.95, 0.98, 0.995}, more = 1.3896; /* exp(1.645 * 0.2) */
+    static const double precision[] = {0.9, 0.95, 0.98, 0.995}, more = 1.638; /* exp(1.645 * 0.3) */
     double preal[N], least;
     const double sure = 0.003 * more / (0.997 + 0.003 * more), doubtful = 0.3 * more / (0.7 + 0.3 * more);
     for (int i = 0; i < N; i++)

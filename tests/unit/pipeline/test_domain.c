@@ -516,13 +516,15 @@ static void test_copies(void **state)
         RX_OK);
     assert_int_equal(rx_blankcheck_noise(field, result.sources->segments, 1, &noise, NULL), RX_OK);
     rx_result_free(&result);
-    assert_int_equal(rx_blankcheck_run(&b.options->pipeline,
-                                       &(rx_blank_input){rx_restorer_find("NET"), field, &noise, 1, NULL},
-                                       NULL, &check, NULL),
-                     RX_OK);
+    assert_int_equal(
+        rx_blankcheck_run(&b.options->pipeline,
+                          &(rx_blank_input){rx_restorer_find("NET"), field, &noise, NULL, 1, NULL}, NULL,
+                          &check, NULL),
+        RX_OK);
     assert_int_equal(check.realisations, 1);
-    assert_int_equal(rx_blankcheck_field(&b.options->pipeline, field, &noise, NULL, (rx_random_stream){1, 1},
-                                         &blank, NULL),
+    assert_int_equal(rx_blankcheck_field(&b.options->pipeline,
+                                         &(rx_blank_input){.field = field, .noise = &noise}, NULL,
+                                         (rx_random_stream){1, 1}, &blank, NULL),
                      RX_OK);
     assert_near(blank->model_noise, tile, 0);
     assert_near(blank->model_factor, field->noise_factor, 0);
