@@ -10,8 +10,7 @@ have 1024 x 1024 pixels, 512 x 512 in crowds, and a sky of 100 photons; the PSF 
 RX_MODEL as in crowded.py, RX_PROGRAMS the restorers (NONE,RL,NET), RX_COVERED those whose errors are looked at (NONE), RX_COVERED_CELLS on
 which cells (injecting into crowds takes long). FOLDER gets preal.json and preal.md.
 
-Every tile is worked on without a check (RXPREAL DEFAULT) and, but for crowds, which keep that, with two realisations of its noise
-(TILE). A detection is matched where a true object lies within half a FWHM, each object once, brightest detections first, the object
+A detection is matched where a true object lies within half a FWHM, each object once, brightest detections first, the object
 that is nearest in position and magnitude as in crowded.py. It is real where it is matched or where half of its flux and more is, under
 its template, that of true objects which no brighter detection has: two faint stars seen as one, a star of S/N 2 to 3 that noise has
 moved. It is a star where that is what it is matched to, and two where an object that no detection is matched to, at least half as bright as the one
@@ -46,7 +45,7 @@ COVERED = os.environ.get("RX_COVERED_CELLS", "300-4G,2000-4,8000-4").split(",")
 def checks(name, mode):
     """Arguments."""
     if mode != "INJECTED":
-        return ["-BLANK_CHECK", "2" if mode == "TILE" else "0"]
+        return ["-BLANK_CHECK", "0"]
     return ["-BLANK_CHECK", "0", "-SELF_CHECK", "Y", "-SELF_CHECK_COUNT", "1000", "-SELF_CHECK_DENSITY",
             str(max(200, kind(name)[0] / 10))]
 
@@ -222,18 +221,18 @@ def page(result):
             f"`validation/preal.py`, seeds {', '.join(map(str, result['seeds']))}. Isolated: 300 objects of S/N 5 to 3000 per Mpixel at FWHM "
             "2.5, 4 and 6, a fifth galaxies; others DENSITY-FWHM, T: none fainter than S/N 5.", "",
             "## Reliability: mean P_REAL: share that is real, matched (detections)", "",
-            "| | | RXPREAL | " + " | ".join(f"{a:g} to {min(b, 1):g}" for a, b in zip(EDGES, EDGES[1:])) + " | off between 0.6 and 0.9, outside the intervals |",
-            "| --- | --- | --- |" + " --- |" * len(EDGES)]
+            "| | | " + " | ".join(f"{a:g} to {min(b, 1):g}" for a, b in zip(EDGES, EDGES[1:])) + " | off between 0.6 and 0.9, outside the intervals |",
+            "| --- | --- |" + " --- |" * len(EDGES)]
     for r in result["reliability"]:
         cells = []
         for a, b in zip(EDGES, EDGES[1:]):
             one = [x for x in r["bins"] if a <= x["p"] < b]
             cells.append(f"{one[0]['p']:.2f}: {one[0]['real']:.2f}, {one[0]['matched']:.2f} ({one[0]['n']})" if one else "")
-        text.append(f"| {r['cell']} | {r['by']} | {r['mode']} | " + " | ".join(cells) + f" | {r['off']:.2f}, {r['beyond']:.2f} |")
+        text.append(f"| {r['cell']} | {r['by']} | " + " | ".join(cells) + f" | {r['off']:.2f}, {r['beyond']:.2f} |")
     text += ["", "## Real detections that are marked, by true S/N, and false ones that are not, per Mpixel", "",
-             "| | | RXPREAL | S/N 5 to 7 | above 5 | false, all | false, unmarked |", "| --- | --- | --- | --- | --- | --- | --- |"]
+             "| | | S/N 5 to 7 | above 5 | false, all | false, unmarked |", "| --- | --- | --- | --- | --- | --- |"]
     for r in result["reliability"]:
-        text.append(f"| {r['cell']} | {r['by']} | {r['mode']} | {r['marked_5_7']:.4f} | {r['marked_5']:.4f} | {r['false']:.0f} | {r['kept']:.0f} |")
+        text.append(f"| {r['cell']} | {r['by']} | {r['marked_5_7']:.4f} | {r['marked_5']:.4f} | {r['false']:.0f} | {r['kept']:.0f} |")
     text += ["", f"## Posteriors: probability: share (sources), by bins of the probability and of S/N; off: largest deviation, outside the intervals, "
              f"of bins of {PLENTY} and more", "", "| | | column | of | off by itself | off by S/N | by itself | by S/N |",
              "| --- | --- | --- | --- | --- | --- | --- | --- |"]
@@ -266,7 +265,7 @@ def main():
     for title, cells in group(names).items():
         area = sum(kind(name)[4]**2 / 1e6 for name in cells) * len(seeds)
         for by in os.environ.get("RX_PROGRAMS", "NONE,RL,NET").split(","):
-            for mode in ("DEFAULT", "TILE") if title == "isolated" else ("DEFAULT",):
+            for mode in ("DEFAULT",):
                 t = gather(folder, cells, seeds, by, mode)
                 known, snr = np.isfinite(t["P_REAL"]), t["true_snr"]
                 matched, marked = np.isfinite(snr), t["P_REAL"] < 0.5

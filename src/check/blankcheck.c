@@ -140,29 +140,12 @@ static rx_status run_one(const rx_pipeline_params *params, const rx_blank_input 
     if (tphot != NULL)
         RX_TRY_EXIT(RX_GROW(dst->fitted, (size_t)dst->nfitted + (size_t)tphot->n, err));
     for (int i = 0; tphot != NULL && i < tphot->n; i++, dst->nfitted++) {
-        dst->fitted[dst->nfitted][0] = tphot->list[i].evidence;
-        dst->fitted[dst->nfitted][1] = tphot->list[i].snr;
+        dst->fitted[dst->nfitted] = tphot->list[i].evidence;
     }
 exit:
     rx_result_free(&result);
     rx_field_free(blank);
     return status;
-}
-
-/* Detections are counted, not measured. */
-static rx_pipeline_params counting(const rx_pipeline_params *params)
-{
-    rx_pipeline_params own = *params;
-    own.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
-    own.measure.star_net = NULL;
-    own.measure.vignet_width = own.measure.vignet_height = 0;
-    own.calibrate_none = own.calibrate_restored = 0;
-    own.restore.keep_reblurred = 0;
-    own.judge_residual = 0;
-    own.restore.keep_support = 0;
-    own.templates.wanted = 0;
-    own.templates.precision = 0.0;
-    return own;
 }
 
 static void set_rate(rx_blankcheck *dst)
@@ -175,7 +158,7 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
                             rx_blankcheck *dst, rx_error *err)
 {
     rx_status status = RX_OK;
-    rx_pipeline_params own = counting(params);
+    rx_pipeline_params own = rx_replica_params(params);
     own.templates.wanted = in->tile != NULL && in->tile->templates.tphot != NULL;
     if (own.templates.wanted)
         own.templates.par.crowding = rx_blankcheck_is_crowd(in->tile) ? RX_CROWDING_YES : RX_CROWDING_NO;
@@ -274,7 +257,7 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
                               double most, rx_blankcheck *dst, rx_error *err)
 {
     const rx_tile *tile = field->tile;
-    rx_pipeline_params own = counting(params);
+    rx_pipeline_params own = rx_replica_params(params);
     rx_noise_correlation noise = field->noise;
     own.keep_filtered = 1;
     *dst = (rx_blankcheck){.raised = 1.0};
@@ -295,48 +278,16 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
     return RX_OK;
 }
 
-/* Of what was fitted, but for pieces of it. */
-static void add_evidence(double evidence, double snr, rx_preal_sample *dst, double *room)
+/* Of what was fitted to noise PRECISION_TARGET would have kept some. */
+static void count_kept(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check)
 {
-    if (isfinite(snr) && !rx_preal_owes(evidence, snr))
-        room[dst->n++] = evidence;
-}
-
-static rx_status fit_preal(const rx_pipeline_params *params, const rx_blankcheck *check, rx_result *tile,
-                           rx_error *err)
-{
-    const rx_tphot *tphot = tile->templates.tphot;
-    const size_t n = (size_t)tphot->n + (size_t)check->nfitted;
-    double *evidence;
-    RX_TRY(RX_MAKE(evidence, n, err));
-    double *of_noise = evidence + tphot->n;
-    rx_preal_sample own = {.evidence = evidence,
-                           .pixels = (1.0 - tphot->crowded) * searched(params, tile, 1) * 1e6},
-                    noise = {.evidence = of_noise, .pixels = check->mpixels * 1e6};
-    for (int i = 0; i < tphot->n; i++)
-        if (!tphot->list[i].crowded)
-            add_evidence(tphot->list[i].evidence, tphot->list[i].snr, &own, evidence);
-    for (int i = 0; i < check->nfitted; i++)
-        add_evidence(check->fitted[i][0], check->fitted[i][1], &noise, of_noise);
-    rx_preal_fit(&tile->templates.preal[0], &own, &noise);
-    free(evidence);
-    return RX_OK;
-}
-
-static rx_status judge_templates(const rx_pipeline_params *params, rx_blankcheck *check, rx_result *tile,
-                                 rx_error *err)
-{
-    const rx_tphot *tphot = tile->templates.tphot;
-    if (tphot == NULL || check->realisations == 0 || check->quick)
-        return RX_OK;
-    if (!rx_blankcheck_is_crowd(tile))
-        RX_TRY(fit_preal(params, check, tile, err));
-    RX_TRY(rx_template_fit_judge(&params->templates, &tile->templates, tile->sources, err));
+    if (tile->templates.tphot == NULL || check->realisations == 0 || check->quick ||
+        !(params->templates.precision > 0.0))
+        return;
     const rx_preal *preal = &tile->templates.preal[rx_blankcheck_is_crowd(tile)];
-    for (int i = 0; params->templates.precision > 0.0 && i < check->nfitted; i++)
-        check->false_detections += rx_preal_of(preal, check->fitted[i][0]) >= tile->templates.least;
+    for (int i = 0; i < check->nfitted; i++)
+        check->false_detections += rx_preal_of(preal, check->fitted[i]) >= tile->templates.least;
     set_rate(check);
-    return RX_OK;
 }
 
 /* 1 - false / n within 0..1. */
@@ -345,11 +296,10 @@ static double share(double rate, double sky, long n)
     return fmin(fmax(1.0 - rate * sky / (double)n, 0.0), 1.0);
 }
 
-rx_status rx_blankcheck_judge(const rx_pipeline_params *params, rx_result *tile, rx_blankcheck *check,
-                              rx_error *err)
+void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check)
 {
-    RX_TRY(judge_templates(params, check, tile, err));
-    const long n = tile->sources->n; /* some may have been dropped */
+    const long n = tile->sources->n;
+    count_kept(params, tile, check);
     check->sky = searched(params, tile, 1);
     check->real = (rx_estimate){.value = NAN, .low = NAN, .high = NAN};
     if (n > 0 && check->realisations > 0)
@@ -357,7 +307,6 @@ rx_status rx_blankcheck_judge(const rx_pipeline_params *params, rx_result *tile,
                                     .low = share(check->rate.high, check->sky, n),
                                     .high = share(check->rate.low, check->sky, n),
                                     .n = n};
-    return RX_OK;
 }
 
 void rx_blankcheck_free(rx_blankcheck *check)

@@ -35,8 +35,7 @@ typedef struct rx_blankcheck {
     /* Of the tile's own detections the share that is no noise peak: 1 - rate * sky / n; noise alone: pieces and
      * ghosts of real sources count as real. n: detections, 0 = none */
     rx_estimate real;
-    /* [nfitted] evidence and S/N of what was fitted to noise, where the tile itself was; owned */
-    double (*fitted)[2];
+    double *fitted; /* [nfitted] evidence of what was fitted to noise, where the tile itself was; owned */
     int nfitted;
 } rx_blankcheck;
 
@@ -79,13 +78,9 @@ rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_inp
 rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kind, const rx_field *field,
                               double most, rx_blankcheck *dst, rx_error *err);
 
-/* Of `tile`, that restorer on the untouched tile: P_REAL and the marks by what was fitted to its noise (fit/preal.h); as
- * they were where nothing was, and in a crowd, where the light of others hides peaks that an empty sky shows. Pieces of
- * neighbours, which noise has none of, are left out of the comparison. PRECISION_TARGET drops by these, and
- * of what was fitted to noise the rest are the false detections. Then check->sky and ->real from the rate. Errors:
- * RX_SYSTEM. */
-rx_status rx_blankcheck_judge(const rx_pipeline_params *params, rx_result *tile, rx_blankcheck *check,
-                              rx_error *err);
+/* Of `tile`, that restorer on the untouched tile: check->sky and ->real from the rate; with PRECISION_TARGET the false
+ * detections are those that it would have kept. */
+void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check);
 void rx_blankcheck_free(rx_blankcheck *check); /* content only */
 
 #endif

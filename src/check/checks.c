@@ -207,11 +207,6 @@ rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, c
     return RX_OK;
 }
 
-int rx_checks_drop(const rx_checks *checks)
-{
-    return checks != NULL && checks->blank;
-}
-
 rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *params, const rx_restorer *kind,
                         rx_result *tile, rx_log *log, rx_check_results *dst, rx_error *err)
 {
@@ -232,9 +227,9 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *param
         dst->blank.raised = quick.raised;
         dst->blank.asked = quick.asked;
     }
-    if (status != RX_OK || dst->blank.realisations == 0)
-        return status;
-    return rx_blankcheck_judge(params, tile, &dst->blank, err);
+    if (status == RX_OK && dst->blank.realisations > 0)
+        rx_blankcheck_judge(params, tile, &dst->blank);
+    return status;
 }
 
 void rx_checks_apply(const rx_check_results *results, rx_result *tile)

@@ -35,11 +35,7 @@ rx_status rx_checks_sources(const rx_pipeline_params *params, int sizes, const r
 rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, const rx_field *field,
                           rx_pipeline_params *params, rx_log *log, rx_blankcheck *dst, rx_error *err);
 
-/* Will the tile's noise say what PRECISION_TARGET drops? Then rx_checks_run() does it, and nothing may be dropped
- * before. */
-int rx_checks_drop(const rx_checks *checks);
-
-/* `tile`: the restorer on the untouched tile, with `params`; gets P_REAL and its marks by the tile's noise.
+/* `tile`: the restorer on the untouched tile, with `params`.
  * dst->blank: as the guard left it. The content of *dst is
  * freed by rx_check_results_free(), also after an error. checks NULL: no check but the guard. */
 rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *params, const rx_restorer *kind,

@@ -70,16 +70,10 @@ static int place_windows(const rx_tile *tile, rx_replica_part dst[WINDOWS])
 /* The caller's, with what the choice needs measured and no more: templates are not fitted. */
 static rx_pipeline_params own_params(const rx_pipeline_params *params)
 {
-    rx_pipeline_params own = *params;
-    own.measure.star_net = NULL;
-    own.measure.vignet_width = own.measure.vignet_height = 0;
-    own.calibrate_none = own.calibrate_restored = 0;
-    own.restore.keep_reblurred = own.restore.keep_support = own.restore.verify_seams = 0;
-    own.templates.wanted = 0;
-    own.templates.precision = 0.0;
-    own.keep_filtered = 0;
-    own.measure.skip =
-        RX_SKIP_APER | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN; /* whatever the columns are */
+    rx_pipeline_params own = rx_replica_params(params);
+    own.judge_residual = params->judge_residual;
+    own.restore.verify_seams = 0;
+    own.measure.skip &= ~RX_SKIP_AUTO; /* whatever the columns are */
     return own;
 }
 

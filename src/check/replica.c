@@ -92,6 +92,19 @@ rx_psf *rx_replica_psf(const rx_psf *psf, const rx_replica_part *part)
     return moved;
 }
 
+rx_pipeline_params rx_replica_params(const rx_pipeline_params *params)
+{
+    rx_pipeline_params own = *params;
+    own.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
+    own.measure.star_net = NULL;
+    own.measure.vignet_width = own.measure.vignet_height = 0;
+    own.calibrate_none = own.calibrate_restored = 0;
+    own.restore.keep_reblurred = own.restore.keep_support = 0;
+    own.keep_filtered = own.judge_residual = own.templates.wanted = 0;
+    own.templates.precision = 0.0;
+    return own;
+}
+
 void rx_replica_settle(rx_tile *tile)
 {
     size_t n = (size_t)tile->width * (size_t)tile->height;

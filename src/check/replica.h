@@ -5,6 +5,7 @@
 #include "base/error.h"
 #include "data/psf.h"
 #include "data/tile.h"
+#include "pipeline/params.h"
 
 /* Of these columns and rows. */
 typedef struct rx_replica_part {
@@ -21,6 +22,9 @@ rx_replica_part rx_replica_window(const rx_tile *tile, const rx_replica_part *pa
 
 /* The PSF of a part of the tile, NULL for all; NULL when memory is out. Free with rx_psf_free(). */
 rx_psf *rx_replica_psf(const rx_psf *psf, const rx_replica_part *part);
+
+/* What a replica is extracted with: detected, and nothing else. */
+rx_pipeline_params rx_replica_params(const rx_pipeline_params *params);
 
 /* After the pixels were changed: 0 where the mask says bad, and marked where they reach saturation. */
 void rx_replica_settle(rx_tile *tile);

@@ -13,8 +13,7 @@ enum {
     SIDE = 1024, /* pixels of what is restored again */
     LEVELS = 56, /* of light, ZERO of them below the sky: -27 to 400,000 sigmas */
     ZERO = 14,
-    ENOUGH = 200, /* pixels alike, whose variance is known to a tenth */
-    TWICE = 2
+    ENOUGH = 200 /* pixels alike, whose variance is known to a tenth */
 };
 static const double STEPS = 3.0; /* a unit of asinh 2 z */
 static const uint64_t STREAM = UINT64_C(0x524d530000000000);
@@ -64,7 +63,7 @@ static void finish(law *l)
 }
 
 /* The differences of the two restored images of `part`. */
-static void measure(const rx_result *tile, const rx_replica_part *part, const rx_result images[TWICE],
+static void measure(const rx_result *tile, const rx_replica_part *part, const rx_result images[2],
                     const rx_map *noise, law *l)
 {
     const double gain = tile->detect->image.gain;
@@ -84,33 +83,21 @@ static void measure(const rx_result *tile, const rx_replica_part *part, const rx
     finish(l);
 }
 
-/* Detection is part of a restored image, where saturated stars stay as they were; nothing is measured. */
-static rx_pipeline_params only_restoring(const rx_pipeline_params *params)
-{
-    rx_pipeline_params own = *params;
-    own.measure.skip = RX_SKIP_APER | RX_SKIP_AUTO | RX_SKIP_PETRO | RX_SKIP_RADIUS | RX_SKIP_WIN;
-    own.measure.star_net = NULL;
-    own.measure.vignet_width = own.measure.vignet_height = 0;
-    own.calibrate_none = own.calibrate_restored = own.judge_residual = own.templates.wanted = 0;
-    own.restore.keep_reblurred = own.restore.keep_support = 0;
-    return own;
-}
-
 static rx_status restore_again(const rx_pipeline_params *params, const rx_result *tile, const rx_map *noise,
                                law *l, rx_error *err)
 {
     const rx_tile *pixels = tile->detect->tile;
     const rx_replica_part part =
         rx_replica_window(pixels, &(rx_replica_part){.width = pixels->width, .height = pixels->height}, SIDE);
-    const rx_pipeline_params own = only_restoring(params);
+    const rx_pipeline_params own = rx_replica_params(params);
     const rx_blank_input in = {.kind = rx_restorer_find(tile->restored->name),
                                .field = tile->detect,
                                .noise = &tile->detect->noise,
                                .light = tile->restored->reblurred};
-    rx_field *skies[TWICE] = {NULL};
-    rx_result images[TWICE] = {{0}};
+    rx_field *skies[2] = {NULL};
+    rx_result images[2] = {{0}};
     rx_status status = RX_OK;
-    for (int k = 0; k < TWICE; k++) {
+    for (int k = 0; k < 2; k++) {
         RX_TRY_EXIT(rx_interrupt_check(err));
         RX_TRY_EXIT(rx_blankcheck_field(
             &own, &in, &part, (rx_random_stream){params->seed, STREAM + (uint64_t)k}, &skies[k], err));
@@ -118,7 +105,7 @@ static rx_status restore_again(const rx_pipeline_params *params, const rx_result
     }
     measure(tile, &part, images, noise, l);
 exit:
-    for (int k = 0; k < TWICE; k++) {
+    for (int k = 0; k < 2; k++) {
         rx_result_free(&images[k]);
         rx_field_free(skies[k]);
     }

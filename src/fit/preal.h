@@ -6,8 +6,7 @@
  *
  * F: maxima above s of white noise behind its matched Gaussian filter are s exp(-s^2 / 2) / ((2 pi)^1.5 2 w^2) a
  * pixel (Adler 1981, The Geometry of Random Fields, ch. 6, for the correlation exp(-r^2 / 4 w^2)). Which of them a
- * list holds does not matter: detection takes from both alike. Below s = 2.5 the value of 2.5 holds. Where
- * realisations of the tile's own noise were fitted, too, ln(R / F) gets shift + slope (s^2 - 25) / 2 from them.
+ * list holds does not matter: detection takes from both alike. Below s = 2.5 the value of 2.5 holds.
  * In a crowd the list itself says real, power and the scale of F. Rising in the evidence always. */
 #ifndef RX_FIT_PREAL_H
 #define RX_FIT_PREAL_H
@@ -19,11 +18,9 @@ RX_BEGIN_DECLS
 
 /* How probable sources are, by their evidence. */
 typedef struct rx_preal {
-    double real, power;  /* sources at 5 sigma a pixel and sigma, and how they go on */
-    double end;          /* S/N of the faintest of them; -HUGE_VAL: not seen */
-    double peaks;        /* of noise: F(s) / ((s^2 - 1) exp(-s^2 / 2)) a pixel */
-    double shift, slope; /* of ln(R / F), as realisations of the tile's noise say; 0 */
-    int tile;            /* there were such */
+    double real, power; /* sources at 5 sigma a pixel and sigma, and how they go on */
+    double end;         /* S/N of the faintest of them; -HUGE_VAL: not seen */
+    double peaks;       /* of noise: F(s) / ((s^2 - 1) exp(-s^2 / 2)) a pixel */
 } rx_preal;
 
 /* Of a tile with that many usable pixels; evidence[n] of its sources, NAN where there is none. */
@@ -40,30 +37,12 @@ rx_preal rx_preal_crowd(const double *evidence, int n, double pixels, double fwh
 /* NAN for NAN. */
 double rx_preal_of(const rx_preal *preal, double evidence);
 
-/* 1: more probably not there than there, P below 0.5. */
-int rx_preal_doubtful(const rx_preal *preal, double evidence);
 double rx_preal_limit(const rx_preal *preal); /* the significance where P is 0.5, at least 2.5 */
 
 /* The least P that a source of a list may have so that with a probability of 0.95 the share of those that are there is `precision` at
  * least, of the longest list there is: 0.5 at least, HUGE_VAL where no list is. How many are not there follows from P of each, whose
  * odds are known to 0.3 in their logarithm. NAN is left out. Errors: RX_SYSTEM. */
 rx_status rx_preal_least(const double *preal, int n, double precision, double *least, rx_error *err);
-
-/* 1: a neighbour takes more than half of its S/N squared; without a neighbour the evidence is (S/N)^2. */
-int rx_preal_owes(double evidence, double snr);
-
-/* Sources on `pixels` pixels each. */
-typedef struct rx_preal_sample {
-    const double *evidence;
-    int n;
-    double pixels;
-} rx_preal_sample;
-
-/* Shift and slope from `tile` and from `noise` that went the same way: what is found at s is of the tile with the
- * chance 1 / (1 + m (1 - P)), m = ratio of pixels, noise / tile, whatever share of it is detected (a density ratio by
- * logistic regression). Maximum of that likelihood and a prior: shift 0 +- 1, slope 0 +- 0.5, which hold where little
- * is found. */
-void rx_preal_fit(rx_preal *preal, const rx_preal_sample *tile, const rx_preal_sample *noise);
 
 RX_END_DECLS
 

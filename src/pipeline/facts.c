@@ -24,7 +24,6 @@ static void describe_templates(const rx_template_fit *fit, rx_record *facts)
     rx_fact_number(facts, RX_FACT_TPSKY, fit->tphot->sky);
     rx_fact_number(facts, RX_FACT_TPODDS, fit->tphot->star_odds);
     rx_fact_number(facts, RX_FACT_TPCHI2, fit->chi2);
-    rx_fact_text(facts, RX_FACT_PREAL, fit->preal[0].tile ? "TILE" : "DEFAULT");
     rx_fact_number(facts, RX_FACT_PRLIM, rx_preal_limit(&fit->preal[fit->tphot->crowded > 0.5]));
     rx_fact_number(facts, RX_FACT_INV, fit->invented);
     rx_fact_number(facts, RX_FACT_INVMP, fit->per_mpixel);

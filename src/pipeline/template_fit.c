@@ -312,8 +312,10 @@ static rx_status describe_tile(const work *w, const rx_sources *sources, rx_erro
     return RX_OK;
 }
 
-rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *fit, rx_sources *sources,
-                                rx_error *err)
+/* P_REAL and the marks of FLAGS_RESTORE, and those sources removed that PRECISION_TARGET has no room for. A source is marked where it
+ * is more probably not there than there: SHRED where a neighbour takes more than half of its S/N squared, else SPURIOUS. */
+static rx_status mark_doubtful(const rx_template_params *par, rx_template_fit *fit, rx_sources *sources,
+                               rx_error *err)
 {
     unsigned char *keep = RX_NEW(unsigned char, (size_t)sources->n);
     double *preal = RX_NEW(double, (size_t)sources->n);
@@ -323,27 +325,29 @@ rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *
         RX_TRY_EXIT(rx_error_memory(err, (size_t)sources->n * (sizeof *keep + sizeof *preal)));
     for (int i = 0; i < sources->n; i++) {
         rx_source_template *t = &sources->list[i].fit;
-        t->restore &= ~(RX_RESTORE_UNTESTED | RX_RESTORE_SPURIOUS | RX_RESTORE_SHRED);
         if ((t->flags & (RX_TPHOT_NO_DATA | RX_TPHOT_SINGULAR)) != 0 || !isfinite(t->snr) ||
             fit->unknown_noise) {
             t->restore |= RX_RESTORE_UNTESTED;
             t->preal = NAN;
         } else {
             const rx_preal *preal = &fit->preal[fit->tphot->list[t->entry].crowded];
-            t->preal = rx_preal_of(preal, t->evidence) * (1 - t->artefact);
-            if (rx_preal_doubtful(preal, t->evidence))
-                t->restore |= rx_preal_owes(t->evidence, t->snr) ? RX_RESTORE_SHRED : RX_RESTORE_SPURIOUS;
+            const double real = rx_preal_of(preal, t->evidence);
+            t->preal = real * (1 - t->artefact);
+            /* without a neighbour the evidence is the square of the S/N */
+            if (real < 0.5)
+                t->restore |= t->snr > 0.0 && t->evidence < 0.5 * t->snr * t->snr ? RX_RESTORE_SHRED
+                                                                                  : RX_RESTORE_SPURIOUS;
         }
         preal[i] = t->preal;
         marked += rx_source_is_spurious(&sources->list[i]);
     }
-    fit->invented = fit->dropped + marked;
+    fit->invented = marked;
     fit->per_mpixel = fit->tphot->visible > 0 ? 1e6 * fit->invented / fit->tphot->visible : NAN;
     if (par->precision > 0.0) {
         RX_TRY_EXIT(rx_preal_least(preal, sources->n, par->precision, &fit->least, err));
         for (int i = 0; i < sources->n; i++)
             kept += keep[i] = !(preal[i] < fit->least);
-        fit->dropped += sources->n - kept;
+        fit->dropped = sources->n - kept;
         status = rx_sources_select(sources, keep, err);
     }
 exit:
@@ -422,7 +426,7 @@ rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields
             "%s[%d]: templates leave %.3g times that noise, so fluxes may be far off and no source can be "
             "tested: P_REAL is not known, FLAGS_RESTORE 4",
             measured.name, measured.hdu, sqrt(dst->chi2));
-    status = rx_template_fit_judge(&params->templates, dst, sources, err);
+    status = mark_doubtful(&params->templates, dst, sources, err);
 exit:
     rx_template_extra_clear(&w.extra);
     if (status != RX_OK)

@@ -38,11 +38,6 @@ typedef struct rx_template_fit {
 rx_status rx_template_fit_run(const rx_pipeline_params *params, rx_fields fields, const rx_restored *restored,
                               rx_sources *sources, rx_log *log, rx_template_fit *dst, rx_error *err);
 
-/* P_REAL and the marks of FLAGS_RESTORE of every source anew as fit->preal says, and those removed that PRECISION_TARGET
- * has no room for. A source is marked where it is more probably not there than there: SHRED where a
- * neighbour takes more than half of its S/N squared, else INVENTED. Errors: RX_SYSTEM. */
-rx_status rx_template_fit_judge(const rx_template_params *par, rx_template_fit *fit, rx_sources *sources,
-                                rx_error *err);
 void rx_template_fit_free(rx_template_fit *fit); /* content only */
 
 RX_END_DECLS

@@ -283,11 +283,8 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
         status = rx_position_list_pixels(options->positions, options->positions_name, w.measure->tile, log,
                                          &w.positions, err);
     if (status == RX_OK) {
-        if (rx_checks_drop(in->checks))
-            w.params.templates.precision = 0.0;
         w.params.templates.positions = options->positions != NULL ? &w.positions : NULL;
         status = rx_field_extract(&w.params, w.kind, detect, measure, log, &w.result, err);
-        w.params.templates.precision = options->pipeline.templates.precision;
         w.params.templates.positions = NULL;
     }
     free(w.positions.at);
