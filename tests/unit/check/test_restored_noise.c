@@ -55,6 +55,13 @@ static void restore(const bench *b, const char *kind, const float *pixels, float
     rx_field_free(field);
 }
 
+static void *room(size_t size)
+{
+    void *pixels = calloc(N, size);
+    assert_non_null(pixels);
+    return pixels;
+}
+
 /* In sky, wings and cores: mean variance stated and found, by the light that is there. */
 static void it_is_the_scatter_of_exposures(void **state)
 {
@@ -64,10 +71,9 @@ static void it_is_the_scatter_of_exposures(void **state)
                                        {"CHECKIMAGE_NAME", "rms.fits"},
                                        {"NTHREADS", "1"},
                                        {NULL, NULL}};
-    float *light = calloc(N, sizeof *light), *pixels = calloc(N, sizeof *pixels),
-          *image = calloc(N, sizeof *image), *rms = calloc(N, sizeof *rms), *again = calloc(N, sizeof *again);
-    double *sum = calloc(N, sizeof *sum), *squares = calloc(N, sizeof *squares);
-    assert_true(light && pixels && image && rms && again && sum && squares);
+    float *light = room(sizeof *light), *pixels = room(sizeof *pixels), *image = room(sizeof *image),
+          *rms = room(sizeof *rms), *again = room(sizeof *again);
+    double *sum = room(sizeof *sum), *squares = room(sizeof *squares);
     draw_sky(light);
     static const char *const kinds[] = {"RL", "NONE"};
     for (int kind = 0; kind < 2; kind++) {
