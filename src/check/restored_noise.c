@@ -2,6 +2,7 @@
 #include "check/restored_noise.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 
 #include "base/interrupt.h"
@@ -62,9 +63,9 @@ static void finish(law *l)
         }
 }
 
-/* The differences of the two restored images of `part`. */
+/* The differences of the two restored images of `part`; sigma: of the tile. */
 static void measure(const rx_result *tile, const rx_replica_part *part, const rx_result images[2],
-                    const rx_map *noise, law *l)
+                    const float *sigma, law *l)
 {
     const double gain = tile->detect->image.gain;
     const rx_restored *own = tile->restored, *a = images[0].restored, *b = images[1].restored;
@@ -72,18 +73,18 @@ static void measure(const rx_result *tile, const rx_replica_part *part, const rx
         for (int x = 0; x < part->width; x++) {
             const size_t k = (size_t)y * (size_t)part->width + (size_t)x,
                          at = (size_t)(part->y + y) * (size_t)own->width + (size_t)(part->x + x);
-            const float sigma = rx_map_at(noise, part->x + x, part->y + y);
-            if (own->mask[at] != 0 || a->mask[k] != 0 || b->mask[k] != 0 || !(sigma > 0.0f))
+            if (own->mask[at] != 0 || a->mask[k] != 0 || b->mask[k] != 0 || !(sigma[at] > 0.0f))
                 continue;
             const double off = (double)(a->pixels[k] - b->pixels[k]);
-            const int i = level_of(own->reblurred[at], sigma) + 1, j = level_of(own->pixels[at], sigma) + 1;
-            l->squares[i][j] += 0.5 * off * off / observed(sigma, own->reblurred[at], gain);
+            const int i = level_of(own->reblurred[at], sigma[at]) + 1,
+                      j = level_of(own->pixels[at], sigma[at]) + 1;
+            l->squares[i][j] += 0.5 * off * off / observed(sigma[at], own->reblurred[at], gain);
             l->pixels[i][j]++;
         }
-    finish(l);
 }
 
-static rx_status restore_again(const rx_pipeline_params *params, const rx_result *tile, const rx_map *noise,
+/* Where another restorer does a replica the law stays empty. */
+static rx_status restore_again(const rx_pipeline_params *params, const rx_result *tile, const float *sigma,
                                law *l, rx_error *err)
 {
     const rx_tile *pixels = tile->detect->tile;
@@ -103,7 +104,8 @@ static rx_status restore_again(const rx_pipeline_params *params, const rx_result
             &own, &in, &part, (rx_random_stream){params->seed, STREAM + (uint64_t)k}, &skies[k], err));
         RX_TRY_EXIT(rx_field_extract(&own, in.kind, skies[k], NULL, NULL, &images[k], err));
     }
-    measure(tile, &part, images, noise, l);
+    if (images[0].by == NULL && images[1].by == NULL)
+        measure(tile, &part, images, sigma, l);
 exit:
     for (int k = 0; k < 2; k++) {
         rx_result_free(&images[k]);
@@ -119,25 +121,23 @@ rx_status rx_restored_noise(const rx_pipeline_params *params, const rx_result *t
     const rx_map noise = rx_background_noise(tile->plain ? tile->detect->plain : tile->detect->restored);
     const double gain = tile->detect->image.gain;
     law *l = NULL;
+    rx_map_fill(&noise, own->height, params->nthreads, dst);
     if (!tile->plain) {
         RX_TRY(RX_MAKE(l, 1, err));
-        const rx_status status = restore_again(params, tile, &noise, l, err);
+        const rx_status status = restore_again(params, tile, dst, l, err);
         if (status != RX_OK) {
             free(l);
             return status;
         }
+        finish(l);
     }
-    for (int y = 0; y < own->height; y++)
-        for (int x = 0; x < own->width; x++) {
-            const size_t at = (size_t)y * (size_t)own->width + (size_t)x;
-            const float sigma = rx_map_at(&noise, x, y);
-            const float light = l != NULL ? own->reblurred[at] : own->pixels[at];
-            const double law = l != NULL && sigma > 0.0f
-                                   ? l->variance[level_of(light, sigma)][level_of(own->pixels[at], sigma)]
-                                   : 1.0;
-            dst[at] =
-                own->mask[at] == 0 && sigma > 0.0f ? (float)sqrt(law * observed(sigma, light, gain)) : NAN;
-        }
+    for (size_t at = 0; at < (size_t)own->width * (size_t)own->height; at++) {
+        const float sigma = dst[at], light = l != NULL ? own->reblurred[at] : own->pixels[at];
+        const bool holds = own->mask[at] == 0 && sigma > 0.0f;
+        const double share =
+            l != NULL && holds ? l->variance[level_of(light, sigma)][level_of(own->pixels[at], sigma)] : 1.0;
+        dst[at] = holds ? (float)sqrt(share * observed(sigma, light, gain)) : NAN;
+    }
     free(l);
     return RX_OK;
 }

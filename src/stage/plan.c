@@ -32,13 +32,13 @@ static double image_memory(const rx_options *o, int k, const rx_tile_shape *shap
     const double pixels = (double)shape->width * shape->height;
     const int width = rx_min_int(shape->width, restore->net_block), threads = par->nthreads;
     const bool file = par->psf.type == RX_PSF_PSFEX || par->psf.type == RX_PSF_FILE;
-    const bool check = o->check.self_check || o->check.blank_check > 0, dual = roles > 1;
+    const bool check = o->check.self_check || o->check.blank_check > 0 || o->restored_rms, dual = roles > 1;
     const bool stars = par->detect.filter_auto || o->check.self_check || par->templates.wanted ||
                        o->write_psf || o->tile_page || o->nrestorers > 1;
     const bool rl = restore->out_of_domain == RX_DOMAIN_RL;
     const bool maps = o->tile[0].weight_type != RX_WEIGHT_NONE || (o->tile[0].own_maps && shape->own_maps);
-    const int images =
-        restore->keep_reblurred + restore->keep_support + par->keep_filtered + (o->nchecks > 0);
+    const int images = restore->keep_reblurred + restore->keep_support + par->keep_filtered +
+                       (o->nchecks > 0) + o->restored_rms;
     const int reports = o->reference.name != NULL || o->tile_page ? o->nrestorers : 0;
     /* clang-format off */
     enum { NONE, RL, RL_BLIND, NET };
