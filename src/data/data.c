@@ -60,7 +60,8 @@ void rx_background_widen(rx_background *background, double factor)
 {
     const float f = (float)factor;
     const rx_splines *sigmas = &background->sigmas;
-    const size_t pixels = background->sigma != NULL ? (size_t)background->width * (size_t)background->height : 0,
+    const size_t pixels =
+                     background->sigma != NULL ? (size_t)background->width * (size_t)background->height : 0,
                  nodes = 2 * (size_t)sigmas->nodes * (size_t)sigmas->height;
     for (size_t i = 0; i < pixels; i++)
         background->sigma[i] *= f;

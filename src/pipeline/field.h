@@ -22,7 +22,8 @@ typedef struct rx_field {
     /* rx_domain_noise() and noise factor of the tile that this one is a copy of, and restored as; 0 = it is none */
     double model_noise, model_factor;
     rx_noise_correlation noise; /* of its pixels */
-    double widened; /* factor that rx_field_noise_effective() has put on the noise of the skies; 0: none yet */
+    double
+        widened; /* factor that rx_field_noise_effective() has put on the noise of the skies; 0: none yet */
     double noise_factor;     /* of the PSF's matched filter, rx_noise_factor(); without a PSF of wide sums */
     rx_scaled_map effective; /* room for noise_factor times the noise of `restored` */
     /* pixels: the FWHM is below, as the narrowest sources say where no star does; 0: not known */
