@@ -1,6 +1,7 @@
 /* How probable it is that a source is there. */
 #include "fit/preal.h"
 
+#include <float.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdlib.h>
@@ -181,40 +182,54 @@ double rx_preal_limit(const rx_preal *preal)
     return high;
 }
 
-/* found[0..n - 1], probabilities that so many of a list are not there, with one more that is not with probability q. */
-static void add_one(double *found, int n, double q)
+/* Probabilities that so many of a list are not there, `of` them from `low` to `high`; others are below DBL_EPSILON, of which a million make no difference. */
+typedef struct misses {
+    double *of;
+    int low, high;
+} misses;
+
+/* One more, that is not there with probability q; of those above `most` nothing has to be known. */
+static void add_one(misses *m, int most, double q)
 {
-    for (int k = n - 1; k > 0; k--)
-        found[k] = found[k] * (1.0 - q) + found[k - 1] * q;
-    found[0] *= 1.0 - q;
+    if (q < DBL_EPSILON)
+        return;
+    if (m->high < most)
+        m->of[++m->high] = 0.0;
+    for (int k = m->high; k > m->low; k--)
+        m->of[k] = m->of[k] * (1.0 - q) + m->of[k - 1] * q;
+    m->of[m->low] *= 1.0 - q;
+    while (m->low < m->high && m->of[m->low] < DBL_EPSILON)
+        m->of[m->low++] = 0.0;
+    while (m->high > m->low && m->of[m->high] < DBL_EPSILON)
+        m->high--;
 }
 
 rx_status rx_preal_least(const double *preal, int n, double precision, double *least, rx_error *err)
 {
     rx_status status = RX_OK;
     int known = 0;
-    double *found = RX_NEW(double, (size_t)n + 2);
+    misses found = {.of = RX_NEW(double, (size_t)n + 1)};
     rx_ranked *ranked = RX_NEW(rx_ranked, (size_t)n);
     *least = HUGE_VAL;
-    if (found == NULL || ranked == NULL)
-        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * (sizeof *found + sizeof *ranked)));
+    if (found.of == NULL || ranked == NULL)
+        RX_TRY_EXIT(rx_error_memory(err, (size_t)n * (sizeof *found.of + sizeof *ranked)));
     for (int i = 0; i < n; i++)
         if (preal[i] >= 0.5)
             ranked[known++] = (rx_ranked){preal[i], i};
     rx_rank_falling(ranked, (size_t)known);
-    found[0] = 1.0;
+    found.of[0] = 1.0;
     for (int i = 0; i < known; i++) {
         const double p = ranked[i].value, odds = (1.0 - p) * exp(SURE * ODDS_SIGMA);
         const int room = (int)((1.0 - precision) * (i + 1) + 1e-9);
         double sum = 0.0;
-        add_one(found, rx_min_int(i, (int)((1.0 - precision) * known)) + 2, odds / (p + odds));
-        for (int k = 0; k <= room; k++)
-            sum += found[k];
+        add_one(&found, rx_min_int(i, (int)((1.0 - precision) * known)) + 1, odds / (p + odds));
+        for (int k = found.low; k <= rx_min_int(room, found.high); k++)
+            sum += found.of[k];
         if (sum >= CONFIDENCE)
             *least = p;
     }
 exit:
-    free(found);
+    free(found.of);
     free(ranked);
     return status;
 }
