@@ -110,18 +110,19 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
         return;
     char dropped[60] = "";
     if (fit->dropped > 0)
-        snprintf(dropped, sizeof dropped, ", %d dropped (P_REAL below %.3f)", fit->dropped, fit->least);
+        snprintf(dropped, sizeof dropped, ", %d dropped (P_REAL below %.3f)", fit->dropped,
+                 fmin(fit->least, 1));
     snprintf(text, sizeof text,
              "templates: %d sources in %d groups (largest %d), %d of them added from the residual; %d (%.3g "
              "per Mpixel) not significant in the untouched pixels%s; residual chi2 %.3f",
              fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented,
              fit->per_mpixel, dropped, fit->chi2);
     tell_account(run, tile, text, log);
-    if (!(precision > 0.0) && rx_spurious_are_many(fit->invented, w->result.sources->n + fit->dropped))
+    if (!(precision > 0.0) && rx_spurious_are_many(fit->invented, w->result.sources->n))
         rx_log_warning(log,
                        "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, "
                        "PSF and GAIN those of these pixels? If so, raise DETECT_THRESH",
-                       tile->name, tile->hdu, run->label, fit->invented, w->result.sources->n + fit->dropped);
+                       tile->name, tile->hdu, run->label, fit->invented, w->result.sources->n);
 }
 
 /* For the record of a survey: what the log has warned of. */
