@@ -296,7 +296,7 @@ static double share(double rate, double sky, long n)
     return fmin(fmax(1.0 - rate * sky / (double)n, 0.0), 1.0);
 }
 
-void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check)
+void rx_blankcheck_finish(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check)
 {
     const long n = tile->sources->n;
     count_kept(params, tile, check);

@@ -65,7 +65,7 @@ rx_status rx_blankcheck_field(const rx_pipeline_params *params, const rx_blank_i
 
 /* The realisations through one restorer, the same ones for every restorer. Where templates were fitted to the tile,
  * they are fitted here, as in a crowd where most of the tile is one; with PRECISION_TARGET these are counted by
- * rx_blankcheck_judge(). Errors: RX_SYSTEM, RX_INTERRUPTED. */
+ * rx_blankcheck_finish(). Errors: RX_SYSTEM, RX_INTERRUPTED. */
 rx_status rx_blankcheck_run(const rx_pipeline_params *params, const rx_blank_input *in, rx_log *log,
                             rx_blankcheck *dst, rx_error *err);
 
@@ -80,7 +80,7 @@ rx_status rx_blankcheck_guard(rx_pipeline_params *params, const rx_restorer *kin
 
 /* Of `tile`, that restorer on the untouched tile: check->sky and ->real from the rate; with PRECISION_TARGET the false
  * detections are those that it would have kept. */
-void rx_blankcheck_judge(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check);
+void rx_blankcheck_finish(const rx_pipeline_params *params, const rx_result *tile, rx_blankcheck *check);
 void rx_blankcheck_free(rx_blankcheck *check); /* content only */
 
 #endif

@@ -228,7 +228,7 @@ rx_status rx_checks_run(const rx_checks *checks, const rx_pipeline_params *param
         dst->blank.asked = quick.asked;
     }
     if (status == RX_OK && dst->blank.realisations > 0)
-        rx_blankcheck_judge(params, tile, &dst->blank);
+        rx_blankcheck_finish(params, tile, &dst->blank);
     return status;
 }
 

@@ -71,7 +71,7 @@ static int place_windows(const rx_tile *tile, rx_replica_part dst[WINDOWS])
 static rx_pipeline_params own_params(const rx_pipeline_params *params)
 {
     rx_pipeline_params own = rx_replica_params(params);
-    own.judge_residual = params->judge_residual;
+    own.examine_residual = params->examine_residual;
     own.restore.verify_seams = 0;
     own.measure.skip &= ~RX_SKIP_AUTO; /* whatever the columns are */
     return own;

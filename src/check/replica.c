@@ -100,7 +100,7 @@ rx_pipeline_params rx_replica_params(const rx_pipeline_params *params)
     own.measure.vignet_width = own.measure.vignet_height = 0;
     own.calibrate_none = own.calibrate_restored = 0;
     own.restore.keep_reblurred = own.restore.keep_support = 0;
-    own.keep_filtered = own.judge_residual = own.templates.wanted = 0;
+    own.keep_filtered = own.examine_residual = own.templates.wanted = 0;
     own.templates.precision = 0.0;
     return own;
 }

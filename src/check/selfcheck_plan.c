@@ -34,7 +34,7 @@ static void own_params(const rx_pipeline_params *params, const rx_check_params *
     par->star_net = NULL;
     par->vignet_width = par->vignet_height = 0;
     dst->restore.keep_reblurred = 0;
-    dst->judge_residual = 0;
+    dst->examine_residual = 0;
     dst->restore.keep_support = 0;
     dst->templates.wanted = check->templates;
 }

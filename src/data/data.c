@@ -68,7 +68,7 @@ void rx_background_widen(rx_background *background, double factor)
     for (size_t i = 0; i < nodes; i++)
         sigmas->node[i] *= f;
     background->sigmas.value *= f;
-    background->usual_sigma *= f;
+    background->fallback_sigma *= f;
     background->global_sigma *= factor;
 }
 

@@ -51,10 +51,10 @@ rx_map rx_background_noise(const rx_background *sky)
 /* No noise where there is no pixel, some noise where there is one. */
 RX_SIMD static void finish_noise(const rx_background *sky, size_t at, int n, float *sigma)
 {
-    const float usual = sky->usual_sigma;
+    const float fallback = sky->fallback_sigma;
 #pragma omp simd
     for (int i = 0; i < n; i++)
-        sigma[i] = (sigma[i] > 0.0f) & (sigma[i] <= FLT_MAX) ? sigma[i] : usual;
+        sigma[i] = (sigma[i] > 0.0f) & (sigma[i] <= FLT_MAX) ? sigma[i] : fallback;
     const uint8_t *mask = sky->mask != NULL ? sky->mask + at : NULL;
     const int bits = sky->mask_bits;
     if (mask == NULL)

@@ -83,11 +83,11 @@ typedef struct rx_background {
     float *sigma; /* [height][width] noise of a pixel, ADU; NULL: sigmas */
     double global_level, global_sigma;
     rx_splines levels, sigmas;
-    const uint8_t *mask; /* [height][width] of the tile, which must live as long; NULL: nothing is hidden */
-    int mask_bits;       /* sigmas are 0 where mask & mask_bits != 0 */
-    float usual_sigma;   /* where sigmas are not above 0 */
-    int passes;          /* it was measured in: 2, the second one without sources */
-    int constant;        /* no pixel, or no mesh with noise nor a map of it: global_sigma is 1 instead */
+    const uint8_t *mask;  /* [height][width] of the tile, which must live as long; NULL: nothing is hidden */
+    int mask_bits;        /* sigmas are 0 where mask & mask_bits != 0 */
+    float fallback_sigma; /* where sigmas are not above 0 */
+    int passes;           /* it was measured in: 2, the second one without sources */
+    int constant;         /* no pixel, or no mesh with noise nor a map of it: global_sigma is 1 instead */
     /* So that a wrong sky can be given: level_error times the noise is taken off the level, and what sigmas
      * say is larger by sigma_error times itself, which that noise is not. */
     double level_error, sigma_error;

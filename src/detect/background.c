@@ -95,7 +95,7 @@ static void finish_sigma(const rx_background_params *par, const rx_image *src, i
             if (rx_image_hides(src, row + x))
                 sigma[x] = 0.0f;
             else if (!(sigma[x] > 0.0f) || !isfinite(sigma[x]))
-                sigma[x] = dst->usual_sigma;
+                sigma[x] = dst->fallback_sigma;
         }
     }
 }
@@ -116,7 +116,7 @@ static rx_status fill_sigma(const rx_background_params *par, const rx_image *src
         return rx_error_memory(err, n * sizeof *dst->sigma);
     if (own)
         status = sigma_from_map(par, src, mesh, dst, err);
-    dst->usual_sigma = (float)dst->global_sigma;
+    dst->fallback_sigma = (float)dst->global_sigma;
     if (status == RX_OK)
         finish_sigma(par, src, own, dst);
     return status;
@@ -244,7 +244,7 @@ static rx_status fill_maps(const rx_background_params *par, const rx_image *src,
     }
     dst->constant = good == 0 || has_no_noise(par, src, mesh);
     dst->levels.value = (float)dst->global_level;
-    dst->usual_sigma = (float)dst->global_sigma;
+    dst->fallback_sigma = (float)dst->global_sigma;
     if (good > 0 && !par->manual)
         status = join(par, mesh, mesh->back, mesh->dback, &dst->levels, err);
     if (status == RX_OK)

@@ -351,8 +351,8 @@ static double near_sum(const cell *c)
 
 /* Of a quadrant, from the medians and the scatter of its cells: no lag is left out for its error, which would make
  * a quadrant look other than the whole. */
-static void judge_quadrant(const cell *cells, const int *which, int n, int q, double *sorted,
-                           rx_noise_correlation *dst)
+static void measure_quadrant(const cell *cells, const int *which, int n, int q, double *sorted,
+                             rx_noise_correlation *dst)
 {
     double middle;
     dst->quadrant[q] = NAN;
@@ -394,7 +394,7 @@ rx_status rx_correlation_measure(const rx_image *image, const unsigned char *use
         for (int k = 0; k < n; k++)
             if (cells[k].used > 0 && (2 * (k % nx) >= nx) + 2 * (2 * (k / nx) >= ny) == q)
                 which[found++] = k;
-        judge_quadrant(cells, which, found, q, sorted, dst);
+        measure_quadrant(cells, which, found, q, sorted, dst);
     }
 exit:
     free(cells);

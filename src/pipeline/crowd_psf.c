@@ -122,7 +122,7 @@ rx_status rx_psf_between(const rx_pipeline_params *params, int role, const rx_fi
     if (!par.templates.wanted || par.templates.par.crowding == RX_CROWDING_NO ||
         psf->quality.how != RX_PSF_BY_PIXELS || field->nstars * psf->fwhm * psf->fwhm * BEAMS < area)
         return RX_OK;
-    par.judge_residual = 0;
+    par.examine_residual = 0;
     if (par.detect.filter_auto) /* this PSF cannot decide */
         rx_proposals_without_psf(&par.detect);
     par.templates.precision = 0.0;

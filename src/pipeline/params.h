@@ -69,8 +69,8 @@ typedef struct rx_pipeline_params {
     int significance;             /* THRESH_TYPE SIGNIFICANCE: of untouched images */
     rx_detect_noise detect_noise; /* DETECT_NOISE, of restored images */
     rx_correlation_params noise;
-    int judge_residual; /* of what a network restored: rx_result.residual */
-    int keep_filtered;  /* the filtered image is wanted after detection: CHECKIMAGE_TYPE FILTERED */
+    int examine_residual; /* of what a network restored: rx_result.residual */
+    int keep_filtered;    /* the filtered image is wanted after detection: CHECKIMAGE_TYPE FILTERED */
     rx_template_params templates;
     rx_measure_params measure;
     int saturated_in_none; /* MASK_SATURATED Y: RESTORE_TYPE NONE masks saturated pixels too */

@@ -68,7 +68,7 @@ static rx_status restore(const work *w, const rx_field *field, int *plain, rx_do
         }
     }
     *plain = (kind->traits & RX_TRAIT_PLAIN) != 0;
-    par.keep_reblurred |= w->params->judge_residual && !w->params->templates.wanted && field == w->detect &&
+    par.keep_reblurred |= w->params->examine_residual && !w->params->templates.wanted && field == w->detect &&
                           (kind->traits & RX_TRAIT_INVENTS) != 0;
     if (kind != w->kind)
         image = rx_field_restorable(field);
@@ -384,7 +384,7 @@ static rx_status fit_templates(work *w, rx_error *err)
         RX_TRY(rx_hits_mark(&observed, par.nthreads, 0, result->sources, err));
         return rx_lines_mark(&observed, par.nthreads, result->sources, err);
     }
-    par.templates.par.keep_model |= par.judge_residual;
+    par.templates.par.keep_model |= par.examine_residual;
     RX_TRY(rx_template_fit_run(&par, (rx_fields){w->detect, w->measure}, result->restored, result->sources,
                                w->log, &result->templates, err));
     return rank_added(w, err);
@@ -477,7 +477,7 @@ static rx_status find_misfits(const work *w, rx_error *err)
     rx_result *result = w->result;
     rx_restored *restored = result->restored;
     rx_tphot *tphot = result->templates.tphot;
-    if (!w->params->judge_residual)
+    if (!w->params->examine_residual)
         return RX_OK;
     const bool invents = (rx_restorer_find(restored->name)->traits & RX_TRAIT_INVENTS) != 0,
                fitted = tphot != NULL && tphot->residual != NULL,

@@ -415,7 +415,7 @@ static rx_status width_error(const fitted_star *stars, int n, double *error, rx_
     return RX_OK;
 }
 
-static void tell_stars(const fitted_star *stars, int n, rx_log *log)
+static void log_stars(const fitted_star *stars, int n, rx_log *log)
 {
     for (int i = 0; i < n; i++)
         rx_log_detail(log, "PSF star at (%.2f,%.2f): FWHM %.3f px, ellipticity %.3f, chi2 %.2f: %s",
@@ -770,7 +770,7 @@ rx_status rx_psf_fit_moffat(const rx_psf_params *par, const rx_image *image, con
     if (status == RX_OK)
         status = rx_stars_sharper(&search, best.radius, &sharper, &sharpness, err);
     if (status == RX_OK) {
-        tell_stars(best.stars, best.list.n, log);
+        log_stars(best.stars, best.list.n, log);
         if (best.scatter > ALIKE_SCATTER)
             rx_log_warning(
                 log,

@@ -70,7 +70,7 @@ static void add_account(rx_run *run, const char *text)
 }
 
 /* The same, and in the full log. */
-static void tell_account(rx_run *run, const rx_tile *tile, const char *text, rx_log *log)
+static void log_account(rx_run *run, const rx_tile *tile, const char *text, rx_log *log)
 {
     rx_log_detail(log, "%s[%d]: %s: %s", tile->name, tile->hdu, run->label, text);
     add_account(run, text);
@@ -89,7 +89,7 @@ static void account(rx_run *run, const work *w, rx_log *log)
              "pixels, FLUX_AUTO %.3f +- %.3f of these",
              check->n, check->wide, check->wide_error, check->diameter, check->automatic,
              check->automatic_error);
-    tell_account(run, w->detect->tile, text, log);
+    log_account(run, w->detect->tile, text, log);
 }
 
 /* What the template fit found. */
@@ -117,7 +117,7 @@ static void account_templates(rx_run *run, const work *w, rx_log *log)
              "per Mpixel) not significant in the untouched pixels%s; residual chi2 %.3f",
              fit->tphot->n, fit->tphot->ngroups, fit->tphot->largest, fit->added, fit->invented,
              fit->per_mpixel, dropped, fit->chi2);
-    tell_account(run, tile, text, log);
+    log_account(run, tile, text, log);
     if (!(precision > 0.0) && rx_spurious_are_many(fit->invented, w->result.sources->n))
         rx_log_warning(log,
                        "%s[%d]: %s: %d of %d sources are marked as spurious (P_REAL below 0.5): are noise, "
@@ -143,7 +143,7 @@ static void describe_outside(const rx_result *result, rx_run *run)
 }
 
 /* The line of a restorer at NORMAL; the rest is in the full log. */
-static void tell_sources(const rx_run *run, const work *w, rx_log *log)
+static void log_sources(const rx_run *run, const work *w, rx_log *log)
 {
     const rx_tile *tile = w->detect->tile;
     const rx_fluxcheck *check = &w->result.photometry.check;
@@ -200,12 +200,12 @@ static rx_status add_table(rx_run *run, const work *w, const rx_record *facts, r
 }
 
 /* What the network's model says of this tile. */
-static rx_status tell_domain(rx_run *run, const work *w, rx_log *log, rx_error *err)
+static rx_status log_domain(rx_run *run, const work *w, rx_log *log, rx_error *err)
 {
     rx_text text = {0};
     rx_domain_text(&run->domain, &text);
     if (!text.failed && text.length > 0)
-        tell_account(run, w->detect->tile, text.data, log);
+        log_account(run, w->detect->tile, text.data, log);
     rx_status status = text.failed ? rx_error_memory(err, 0) : RX_OK;
     rx_text_free(&text);
     return status;
@@ -236,7 +236,7 @@ static rx_status run_checks(rx_run *run, const rx_checks *checks, work *w, rx_lo
                     tile->name, tile->hdu, run->label, blank->rate.value, blank->rate.low, blank->rate.high,
                     blank->false_detections, blank->mpixels);
     if (status == RX_OK && text.length > 0)
-        tell_account(run, tile, text.data, log);
+        log_account(run, tile, text.data, log);
     rx_text_free(&text);
     return status;
 }
@@ -309,7 +309,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     account(run, &w, log);
     if (run->choice.taken != NULL)
         add_account(run, run->choice.why);
-    RX_TRY_EXIT(tell_domain(run, &w, log, err));
+    RX_TRY_EXIT(log_domain(run, &w, log, err));
     RX_TRY_EXIT(rx_coordinates_fill(&w.measure->image, sources, err));
     if (options->assoc_list != NULL)
         RX_TRY_EXIT(
@@ -317,7 +317,7 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     RX_TRY_EXIT(run_checks(run, in->checks, &w, log, err));
     rx_checks_apply(&run->checks, &w.result);
     account_templates(run, &w, log);
-    tell_sources(run, &w, log);
+    log_sources(run, &w, log);
     rx_result_facts(&w.result, &facts);
     run->misfit = w.result.residual;
     w.result.residual = (rx_residual){0};

@@ -50,7 +50,7 @@ static void set_threads(rx_pipeline_params *params, int nthreads)
 void rx_pipeline_fill(rx_pipeline_params *dst, const rx_settings *settings, int nthreads)
 {
     dst->templates.par = rx_tphot_defaults();
-    dst->judge_residual = 1;
+    dst->examine_residual = 1;
     dst->restore.rl_denoise_by_psf = 1;
     dst->restore.rl_pedestal = RX_RL_PEDESTAL;
     dst->psf_hints = &rx_stage_psf_hints;

@@ -408,18 +408,18 @@ static void test_share_that_noise_did_not_make(void **state)
     rx_result result = {.restored = &restored, .sources = &sources};
     rx_blankcheck check = {.realisations = 1, .rate = {.value = 100, .low = 80, .high = 120, .n = 100}};
     bench_open(&b, NULL);
-    rx_blankcheck_judge(&b.options->pipeline, &result, &check);
+    rx_blankcheck_finish(&b.options->pipeline, &result, &check);
     assert_near(check.sky, 0.7, 1e-12);
     assert_int_equal(check.real.n, 280);
     assert_near(check.real.value, 0.75, 1e-12);
     assert_near(check.real.low, 0.7, 1e-12);
     assert_near(check.real.high, 0.8, 1e-12);
     check.rate.value = check.rate.high = 1e4; /* more than there are */
-    rx_blankcheck_judge(&b.options->pipeline, &result, &check);
+    rx_blankcheck_finish(&b.options->pipeline, &result, &check);
     assert_near(check.real.value, 0, 0);
     assert_near(check.real.low, 0, 0);
     sources.n = 0; /* of nothing there is no share */
-    rx_blankcheck_judge(&b.options->pipeline, &result, &check);
+    rx_blankcheck_finish(&b.options->pipeline, &result, &check);
     assert_int_equal(check.real.n, 0);
     assert_true(isnan(check.real.value));
     bench_close(&b);
