@@ -49,9 +49,7 @@ def main():
     for a, b in zip(MAGNITUDES, MAGNITUDES[1:]):
         some = more[(mag >= a) & (mag < b)]
         text.append(f"| {a} to {b} | {len(some)} | {np.median(some):.4f} +- {1.2533 * some.std() / np.sqrt(len(some)):.4f} |")
-    with open(f"{folder}/flux_scale.md", "w") as file:
-        file.write("\n".join(text) + "\n")
-    print("\n".join(text))
+    ledger.store(folder, "flux_scale", text)
 
 
 if __name__ == "__main__":

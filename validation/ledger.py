@@ -11,6 +11,7 @@ where keywords of the command line change what is judged. A run that was interru
 
 Training has no part in this: its skies are other ones whatever the seed (rextract-train, rextract-validate and rextract-simulate
 have streams of random numbers of their own)."""
+import json
 import os
 import subprocess
 import sys
@@ -30,6 +31,17 @@ def git(*arguments):
     if done.returncode:
         sys.exit(f"ledger: git {arguments[0]} fails ({done.stderr.strip()}); a final seed needs the repository, for the commit that it judges")
     return done.stdout.rstrip("\n")
+
+
+def store(folder, name, text, result=None):
+    """NAME.md, and NAME.json where there is a result, into the folder of an experiment."""
+    with open(f"{folder}/{name}.md", "w") as file:
+        file.write("\n".join(text) + "\n")
+    if result is not None:
+        with open(f"{folder}/{name}.json", "w") as file:
+            json.dump(result, file, indent=1, default=float)
+            file.write("\n")
+    print("\n".join(text))
 
 
 def claim(experiment, folder, seeds, keywords=()):

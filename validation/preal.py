@@ -18,7 +18,6 @@ that it is matched to, lies within one FWHM. Those nearer to the border than one
 how far the mean P_REAL lies outside the interval, in bins of 40 and more. Marked: share of the real ones, by true S/N, of P_REAL below 0.5. Errors: 1000 objects are injected, a tenth of the
 tile's density at once; share of matched fluxes of P_REAL above 0.5 within the errors named, by measured S/N.
 """
-import json
 import os
 import subprocess
 import sys
@@ -254,7 +253,7 @@ def page(result):
         text.append(f"| {r['cell']} | {r['by']} | " + " | ".join(
             f"{x['template']:.3f}; {x['68']:.3f} {x['95']:.3f} ({x['n']}; {x['known']})" if x["68"] is not None else f"({x['n']}; 0)"
             for x in r["rows"]) + " |")
-    return "\n".join(text) + "\n"
+    return text
 
 
 def main():
@@ -265,32 +264,25 @@ def main():
     for title, cells in group(names).items():
         area = sum(kind(name)[4]**2 / 1e6 for name in cells) * len(seeds)
         for by in os.environ.get("RX_PROGRAMS", "NONE,RL,NET").split(","):
-            for mode in ("DEFAULT",):
-                t = gather(folder, cells, seeds, by, mode)
-                known, snr = np.isfinite(t["P_REAL"]), t["true_snr"]
-                matched, marked = np.isfinite(snr), t["P_REAL"] < 0.5
-                real = matched | (t["light"] >= 0.5)
-                bins = reliability(t["P_REAL"][known], real[known], matched[known])
-                beyond, deviation = off(bins)
-                result["reliability"].append(
-                    {"cell": title, "by": by, "mode": mode, "bins": bins,
-                     "off": deviation, "beyond": beyond,
-                     "marked_5_7": float(marked[(snr >= 5) & (snr < 7)].mean()), "marked_5": float(marked[snr >= 5].mean()),
-                     "false": float((~real).sum() / area), "kept": float((~real & ~marked).sum() / area)})
-                if mode == "DEFAULT":
-                    result["posterior"].append({"cell": title, "by": by, "rows": posterior(t), "pulls": pulls(t)})
-                print(title, by, mode, flush=True)
+            t = gather(folder, cells, seeds, by, "DEFAULT")
+            known, snr = np.isfinite(t["P_REAL"]), t["true_snr"]
+            matched, marked = np.isfinite(snr), t["P_REAL"] < 0.5
+            real = matched | (t["light"] >= 0.5)
+            bins = reliability(t["P_REAL"][known], real[known], matched[known])
+            beyond, deviation = off(bins)
+            result["reliability"].append(
+                {"cell": title, "by": by, "bins": bins,
+                 "off": deviation, "beyond": beyond,
+                 "marked_5_7": float(marked[(snr >= 5) & (snr < 7)].mean()), "marked_5": float(marked[snr >= 5].mean()),
+                 "false": float((~real).sum() / area), "kept": float((~real & ~marked).sum() / area)})
+            result["posterior"].append({"cell": title, "by": by, "rows": posterior(t), "pulls": pulls(t)})
+            print(title, by, flush=True)
     for name in (c for c in COVERED if c in names):
         for by in filter(None, os.environ.get("RX_COVERED", "NONE").split(",")):
             t = gather(folder, [name], seeds, by, "INJECTED")
             result["coverage"].append({"cell": name, "by": by, "rows": coverage(t, t["true_flux"])})
             print(name, by, "INJECTED", flush=True)
-    with open(f"{folder}/preal.json", "w") as file:
-        json.dump(result, file, indent=1, default=float)
-        file.write("\n")
-    with open(f"{folder}/preal.md", "w") as file:
-        file.write(page(result))
-    print(page(result))
+    ledger.store(folder, "preal", page(result), result)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ half of its flux and more is, under its template, that of true objects which no 
 could not be tested. By default: the list without PRECISION_TARGET. Recall: of true objects of S/N above 5 (the two lists have their own). FOLDER gets precision.json
 and precision.md.
 """
-import json
 import os
 import subprocess
 import sys
@@ -66,12 +65,7 @@ def main():
             some = [r for r in rows if (r["cell"], r["by"]) == (name, by)]
             text.append(f"| {name} | {by} | " + " | ".join(
                 f"{r['listed']:.0f}; {r['precision']:.3f}, {r['least']:.3f}" + (f"; {r['kept']:.2f}" if r["target"] else "") + f"; {r['recall']:.3f}" for r in some) + " |")
-    with open(f"{folder}/precision.json", "w") as file:
-        json.dump({"seed": seed, "rows": rows}, file, indent=1)
-        file.write("\n")
-    with open(f"{folder}/precision.md", "w") as file:
-        file.write("\n".join(text) + "\n")
-    print("\n".join(text))
+    ledger.store(folder, "precision", text, {"seed": seed, "rows": rows})
 
 
 if __name__ == "__main__":

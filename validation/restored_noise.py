@@ -8,7 +8,6 @@ coadds of four frames, Lanczos-interpolated and drizzled. RESTORED_RMS is that o
 scatter of the restored images, both over pixels, and the rms of pulls of single pixels. Then fluxes of isolated stars in apertures of 2 to 20 pixels on
 restored images: scatter over FLUXERR_APER. REXTRACT, SIMULATE and RX_MODEL as in crowded.py; RX_PROGRAMS the restorers (NONE,RL,NET).
 """
-import json
 import os
 import subprocess
 import sys
@@ -102,12 +101,7 @@ def main():
     text += ["", "Fluxes of isolated stars on restored images, apertures of so many pixels across: scatter over FLUXERR_APER.", "",
              "| noise | | stars | " + " | ".join(map(str, DIAMETERS)) + " |", "| --- | --- | --- |" + " --- |" * len(DIAMETERS)]
     text += [f"| {r['noise']} | {r['by']} | {r['apertures']['stars']} | " + " | ".join(f"{p:.2f}" for p in r["apertures"]["pulls"]) + " |" for r in rows]
-    with open(f"{folder}/restored_noise.json", "w") as file:
-        json.dump({"seed": seed, "rows": rows}, file, indent=1)
-        file.write("\n")
-    with open(f"{folder}/restored_noise.md", "w") as file:
-        file.write("\n".join(text) + "\n")
-    print("\n".join(text))
+    ledger.store(folder, "restored_noise", text, {"seed": seed, "rows": rows})
 
 
 if __name__ == "__main__":

@@ -761,7 +761,7 @@ def sdss_coadd():
 def preal():
     """Mean P_REAL and the share of these detections that is real."""
     found, injected, body = summary("preal/preal"), summary("preal/injected"), []
-    rows = [row for row in found["reliability"] if row["mode"] == "DEFAULT"]
+    rows = [row for row in found["reliability"] if row.get("mode") != "TILE"]
     for row in rows:
         bins = [b for b in row["bins"] if b["p"] >= 0.4]
         parts = [[b for b in bins if low <= b["p"] < high] for low, high in ((0.4, 0.6), (0.6, 0.8), (0.8, 0.9), (0.9, 1.01))]
