@@ -823,9 +823,36 @@ static void test_psf_without_hints(void **state)
     bench_close(&b);
 }
 
+/* White noise of sigma 5: what a mesh says of it is clipped, and stays where SExtractor's sky is asked for. */
+static void test_noise_of_a_pixel(void **state)
+{
+    (void)state;
+    enum { WIDE = 500 };
+    scene s;
+    scene_make(&s, WIDE, WIDE, 0, 3);
+    for (int passes = 1; passes <= 2; passes++) {
+        const setting settings[] = {{"BACK_PASSES", passes == 1 ? "1" : "2"}, {NULL, NULL}};
+        bench b;
+        bench_open(&b, settings);
+        rx_field *field = bench_field(&b, s.pixels, WIDE, WIDE, 0);
+        const rx_map noise = rx_background_noise(field->plain);
+        double mean = 0;
+        for (int y = 0; y < WIDE; y++)
+            for (int x = 0; x < WIDE; x++)
+                mean += (double)rx_map_at(&noise, x, y) / (WIDE * WIDE);
+        print_message("BACK_PASSES %d: noise %.4f\n", passes, mean);
+        assert_near(mean, passes == 1 ? 4.925 : 5.0, 0.02);
+        assert_near(field->noise.scale, passes == 1 ? 5.0 / 4.925 : 1.0, 0.005);
+        rx_field_free(field);
+        bench_close(&b);
+    }
+    scene_free(&s);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_arrays),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_noise_of_a_pixel),
+                                       cmocka_unit_test(test_arrays),
                                        cmocka_unit_test(test_psf_without_hints),
                                        cmocka_unit_test(test_stop),
                                        cmocka_unit_test(test_no_stars),
