@@ -799,29 +799,6 @@ def robustness():
             table(["departure", "what", "NONE", "RL", "NET"], rows))
 
 
-def auto():
-    found = summary("auto/summary")
-    known = [row for row in found["rows"] if "score" in row]
-
-    def value(row, r):
-        of, by_truth = row["of"][r], row.get("score", {}).get(r)
-        own = of["out"].split(":")[0] if "out" in of else f"{of['found']} ({of['spurious']})"
-        return own + (f"; {by_truth['score']:.2f}" if by_truth else "")
-
-    def behind(row):
-        return max(row["score"][r]["score"] for r, of in row["of"].items() if "out" not in of) - row["score"][row["took"]]["score"]
-
-    others = [row for row in known if any("out" in of and row["score"][r]["score"] > row["score"][row["took"]]["score"] + 0.01
-                                          for r, of in row["of"].items())]
-    took = {r: sum(row["took"] == r for row in found["rows"]) for r in ("NONE", "RL", "NET")}
-    return (paragraph(f"""Of {len(found["rows"])} tiles AUTO takes NET on {took["NET"]}, RL on {took["RL"]}, NONE on {took["NONE"]}. Where the
-        truth is known ({len(known)} tiles) it takes the candidate of the best score on {sum(behind(row) <= 0 for row in known)}, and is
-        {max(map(behind, known)):.2f} behind it at most; on {len(others)} a restorer that was out would have been better by more than 0.01.""") +
-            "\nEach cell: injected sources found of 500 (spurious), or why it is out; by the truth, (found - false) / objects.\n\n" +
-            table(["tile", "what", "NONE", "RL", "NET", "AUTO takes"],
-                  [[row["tile"], row["kind"], *(value(row, r) for r in ("NONE", "RL", "NET")), row["took"]] for row in found["rows"]]))
-
-
 def limits():
     right, *wrong = (biases(f"FWHM 4{error}", "NET") for error in ("", ", PSF -5 %", ", PSF +5 %"))
     changes = [abs(b - a) for row in wrong for a, b in zip(right, row)]
@@ -1083,7 +1060,7 @@ def paper_speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, faint_galaxies, models, recipes, limits, robustness, auto, resampled, psf, crowded, close_pairs, put_in,
+    templates_found, faint_galaxies, models, recipes, limits, robustness, resampled, psf, crowded, close_pairs, put_in,
     sdss_coadd, preal, speed, amdahl, cores, against_time, paper, paper_lists, paper_networks, paper_tables, paper_speed)}
 
 

@@ -49,7 +49,7 @@ class AsTheProgram(InFolder):
 
     def test_the_network(self):
         self.compare(["NUMBER", "X_IMAGE", "FLUX_AUTO", "FLAGS"], RESTORE_TYPE="NET", NET_MODEL=NETWORK)
-        self.compare(["NUMBER", "X_IMAGE", "FLUX_AUTO", "FLAGS"], RESTORE_TYPE="AUTO", NET_MODEL=NETWORK, SELF_CHECK_COUNT=20)
+        self.compare(["NUMBER", "X_IMAGE", "FLUX_AUTO", "FLAGS"], RESTORE_TYPE="AUTO", NET_MODEL=NETWORK)
 
     def test_a_file_by_the_same_keywords(self):
         self.catalogue(["NUMBER", "FLUX_AUTO"])

@@ -22,8 +22,9 @@ struct rx_checks {
     char no_self[RX_ERROR_TEXT], no_blank[RX_ERROR_TEXT]; /* why a check is left out, "" it is not */
 };
 
-rx_status rx_checks_sources(const rx_pipeline_params *params, int sizes, const rx_field *field,
-                            rx_sources **dst, rx_error *err)
+/* Where the sources of the untouched tile are; `sizes`: and how large, for rx_selfcheck_plan_new(). */
+static rx_status find_sources(const rx_pipeline_params *params, int sizes, const rx_field *field,
+                              rx_sources **dst, rx_error *err)
 {
     rx_result result;
     rx_pipeline_params own = *params;
@@ -102,7 +103,7 @@ rx_status rx_checks_new(const rx_pipeline_params *params, const rx_check_params 
     checks->par = par;
     checks->field = field;
     rx_status status;
-    RX_TRY_EXIT(rx_checks_sources(params, par->self_check, field, &checks->sources, err));
+    RX_TRY_EXIT(find_sources(params, par->self_check, field, &checks->sources, err));
     if (par->self_check)
         RX_TRY_EXIT(prepare_selfcheck(checks, log, err));
     if (par->blank_check > 0)

@@ -26,10 +26,6 @@ rx_status rx_checks_new(const rx_pipeline_params *params, const rx_check_params 
                         rx_log *log, rx_checks **dst, rx_error *err);
 void rx_checks_free(rx_checks *checks);
 
-/* Where the sources of the untouched tile are; `sizes`: and how large, for rx_selfcheck_plan_new(). */
-rx_status rx_checks_sources(const rx_pipeline_params *params, int sizes, const rx_field *field,
-                            rx_sources **dst, rx_error *err);
-
 /* Before the tile of `field` is worked on: rx_blankcheck_guard(), for the network and unless BLANK_CHECK is 0, with a
  * warning where it raised the threshold of *params. */
 rx_status rx_checks_guard(const rx_check_params *par, const rx_restorer *kind, const rx_field *field,

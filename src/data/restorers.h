@@ -6,7 +6,7 @@
  * function  what does it, an rx_status function(...) of restore/ as restore/runs.h declares them all
  * traits    what it is: RX_TRAIT_... of restore/restore.h
  * cost      row of the memory that -PLAN reckons with (stage/plan.c); NET only for the network and for AUTO, which
- *           is none itself but chooses one for each tile (check/choice.h)
+ *           is none itself but takes one for each tile (check/choice.h)
  * help      one line
  *
  * The restorers of restore/restore.c, the words of RESTORE_TYPE (config/keys.def, config/campaign.def) and what
@@ -23,7 +23,7 @@
     RESTORER(RL_BLIND, rx_rl_blind_run, RX_TRAIT_PSF,      RL_BLIND, "Richardson-Lucy that improves the PSF as well") \
     RESTORER(NET,      rx_network_run,  RX_NETWORK_TRAITS, NET,      "a trained network")                             \
     RESTORER(FILE,     rx_file_run,     0,                 RL,       "pixels that were restored elsewhere")            \
-    RESTORER(AUTO,     rx_auto_run,     RX_TRAIT_PSF,      NET,      "the one of NONE, RL and NET that finds most injected sources")
+    RESTORER(AUTO,     rx_auto_run,     RX_TRAIT_PSF,      NET,      "NET, else RL, else NONE: the first that the tile's model accepts")
 
 /* How many there are, and their names as the words of a keyword, NULL behind them. */
 #define RX_RESTORER_ONE(...) + 1

@@ -250,18 +250,42 @@ static int has_headers(const rx_options *options, const rx_run *run)
     return !ascii || options->nchecks > 0 || run->file[RX_RUN_COVARIANCES].name != NULL;
 }
 
-/* What AUTO stands for on this tile. */
-static rx_status choose(rx_run *run, work *w, rx_log *log, rx_error *err)
+static rx_status extract(rx_run *run, work *w, rx_log *log, rx_error *err)
+{
+    w->params = w->options->pipeline;
+    RX_TRY(rx_checks_guard(&w->options->check, w->kind, w->detect, &w->params, log, &run->checks.blank, err));
+    w->params.templates.positions = w->options->positions != NULL ? &w->positions : NULL;
+    const rx_status status =
+        rx_field_extract(&w->params, w->kind, w->detect, w->measure, log, &w->result, err);
+    w->params.templates.positions = NULL;
+    return status;
+}
+
+/* The first candidate that nothing speaks against, before or after; `why` is what spoke against those before it. */
+static rx_status extract_by_choice(rx_run *run, work *w, rx_log *log, rx_error *err)
 {
     const rx_tile *tile = w->detect->tile;
-    run->choice = (rx_choice){0};
-    w->kind = run->kind;
-    if (!rx_restorer_is_auto(run->kind))
-        return RX_OK;
-    RX_TRY(rx_choice_make(&w->params, &w->options->check, w->detect, log, &run->choice, err));
-    w->kind = run->choice.taken;
-    rx_log_info(log, "%s[%d]: %s: %s: %s", tile->name, tile->hdu, run->kind->name, w->kind->name,
-                run->choice.why);
+    char out[200], all[sizeof run->why] = "the model of the tile explains it";
+    size_t used = 0;
+    for (int i = 0; i < RX_CHOICE_CANDIDATES; i++) {
+        w->kind = rx_choice_candidate(i);
+        RX_TRY(rx_choice_before(&w->options->pipeline, w->detect, w->kind, out, err));
+        if (out[0] == '\0') {
+            RX_TRY(extract(run, w, log, err));
+            rx_choice_after(&w->result, out);
+            if (out[0] == '\0')
+                break;
+            rx_result_free(&w->result);
+            rx_blankcheck_free(&run->checks.blank);
+        }
+        if (used < sizeof all)
+            used += (size_t)snprintf(all + used, sizeof all - used, "%s%s: %s", used > 0 ? "; " : "",
+                                     w->kind->name, out);
+    }
+    run->taken = w->kind;
+    w->result.kind = run->kind;
+    snprintf(w->result.why, sizeof w->result.why, "%s", all);
+    rx_log_info(log, "%s[%d]: %s: %s: %s", tile->name, tile->hdu, run->kind->name, w->kind->name, all);
     return RX_OK;
 }
 
@@ -269,34 +293,24 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
 {
     const rx_options *options = in->options;
     const rx_field *detect = in->detect, *measure = in->measure;
-    work w = {.options = options,
-              .detect = detect,
-              .measure = measure != NULL ? measure : detect,
-              .params = options->pipeline};
+    work w = {.options = options, .detect = detect, .measure = measure != NULL ? measure : detect};
     rx_record facts = {0}, shown = {0};
     float *rms = NULL;
     const double begun = rx_seconds();
     run->checks = (rx_check_results){0};
-    rx_status status = choose(run, &w, log, err);
-    if (status == RX_OK)
-        status = rx_checks_guard(&options->check, w.kind, detect, &w.params, log, &run->checks.blank, err);
-    if (status == RX_OK && options->positions != NULL)
+    rx_status status = RX_OK;
+    w.kind = run->kind;
+    run->taken = NULL;
+    if (options->positions != NULL)
         status = rx_position_list_pixels(options->positions, options->positions_name, w.measure->tile, log,
                                          &w.positions, err);
-    if (status == RX_OK) {
-        w.params.templates.positions = options->positions != NULL ? &w.positions : NULL;
-        status = rx_field_extract(&w.params, w.kind, detect, measure, log, &w.result, err);
-        w.params.templates.positions = NULL;
-    }
+    if (status == RX_OK)
+        status = rx_restorer_is_auto(run->kind) ? extract_by_choice(run, &w, log, err)
+                                                : extract(run, &w, log, err);
     free(w.positions.at);
     if (status != RX_OK)
         return status;
     rx_sources *sources = w.result.sources;
-    if (run->choice.taken != NULL) {
-        w.result.kind = run->kind;
-        if (w.result.by == NULL)
-            snprintf(w.result.why, sizeof w.result.why, "%s", run->choice.why);
-    }
     run->domain = w.result.domain;
     run->by = w.result.by;
     memcpy(run->why, w.result.why, sizeof run->why);
@@ -304,11 +318,11 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     run->is_dark = rx_result_is_dark(&w.result);
     run->sharp = rx_result_sharp(&w.result);
     describe_outside(&w.result, run);
-    const char *did = run->by != NULL ? run->by : run->choice.taken != NULL ? w.kind->name : NULL;
+    const char *did = run->by != NULL ? run->by : run->taken != NULL ? run->taken->name : NULL;
     snprintf(run->label, sizeof run->label, did != NULL ? "%s (done by %s)" : "%s", run->kind->name, did);
     account(run, &w, log);
-    if (run->choice.taken != NULL)
-        add_account(run, run->choice.why);
+    if (run->taken != NULL)
+        add_account(run, run->why);
     RX_TRY_EXIT(log_domain(run, &w, log, err));
     RX_TRY_EXIT(rx_coordinates_fill(&w.measure->image, sources, err));
     if (options->assoc_list != NULL)
@@ -324,7 +338,6 @@ rx_status rx_run_extract(rx_run *run, const rx_extraction_input *in, rx_log *log
     if (has_headers(options, run))
         rx_fact_text(&facts, RX_FACT_INSUM, rx_tile_checksum(detect->tile));
     rx_domain_facts(&w.result.domain, &facts);
-    rx_choice_facts(&run->choice, &facts);
     rx_checks_facts(in->checks, &w.params, &run->checks, &facts);
     rx_facts_of_header(&facts, options->all_facts, &shown);
     RX_TRY_EXIT(shown.failed ? rx_error_memory(err, 0) : add_table(run, &w, &shown, err));

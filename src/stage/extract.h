@@ -42,7 +42,7 @@ typedef struct rx_run {
     int tested;                 /* FLAGS_RESTORE was set */
     double invented_per_mpixel; /* sources marked by it, before they were dropped */
     rx_domain domain;           /* place RX_DOMAIN_NONE where no network was asked for */
-    rx_choice choice;           /* where AUTO was asked for; else taken NULL */
+    const rx_restorer *taken;   /* where AUTO was asked for; else NULL */
     const char *by;             /* as of rx_result: the restorer that did it instead, or NULL */
     char why[240];              /* or why AUTO took what it did */
     char label[48];             /* of log lines: "NET", "NET (done by RL)", "AUTO (done by NET)" */

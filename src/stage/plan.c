@@ -64,7 +64,6 @@ static double image_memory(const rx_options *o, int k, const rx_tile_shape *shap
         {1.01e6,  25.94, 25.79, 0,       0,       0.57e6, dual},               /* SECOND */
         {46.19e6, 100.86, 64.42, 1.181e4, 2796,   1.01e6, check},              /* CHECK */
         {0.01e6,  6.551, 0,     1.46e4,  1.382e4, 3.71e6, check && o->check.templates},              /* CHECK_TEMPLATES */
-        {46.19e6, 100.86, 0,    1.181e4, 0,       1.01e6, rx_restorer_is_auto(o->restorers[k])},     /* AUTO */
         {0.01e6,  11.01, 10.79, 2813,    2799,    0,      o->nrestorers - 1},  /* FURTHER */
         {0.01e6,  0,     0,     11.25,   563.4,   0,      reports},            /* REPORT */
         {0.01e6,  12.51, 12.51, 0,       0,       0,      roles * maps},       /* WEIGHT */

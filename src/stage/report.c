@@ -21,7 +21,7 @@ static rx_qa_run about_run(const rx_run *run, rx_qa_promise *promise)
                        .settings = run->account,
                        .by = run->by,
                        .why = run->why,
-                       .taken = run->choice.taken != NULL ? run->choice.taken->name : NULL,
+                       .taken = run->taken != NULL ? run->taken->name : NULL,
                        .flux = {.n = flux->n,
                                 .diameter = flux->diameter,
                                 .wide = flux->wide,

@@ -134,8 +134,8 @@ rx_status rx_tile_facts_add(rx_tile_facts *facts, const rx_field *field, rx_run 
         snprintf(run->name, sizeof run->name, "%s", runs[i].kind->name);
         snprintf(run->by, sizeof run->by, "%s", runs[i].by != NULL ? runs[i].by : "");
         snprintf(run->why, sizeof run->why, "%s", runs[i].why);
-        if (runs[i].choice.taken != NULL)
-            snprintf(run->taken, sizeof run->taken, "%s", runs[i].choice.taken->name);
+        if (runs[i].taken != NULL)
+            snprintf(run->taken, sizeof run->taken, "%s", runs[i].taken->name);
         run->facts = runs[i].facts;
         runs[i].facts = (rx_record){0};
         snprintf(run->outside, sizeof run->outside, "%s", runs[i].outside);
