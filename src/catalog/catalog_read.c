@@ -11,7 +11,7 @@
 
 typedef enum kind { KIND_FITS, KIND_XML, KIND_TEXT } kind;
 
-static rx_status tell_kind(const char *path, kind *dst, rx_error *err)
+static rx_status find_kind(const char *path, kind *dst, rx_error *err)
 {
     char begin[512] = "";
     FILE *file = rx_input_open(path);
@@ -79,7 +79,7 @@ rx_status rx_catalog_read(const char *path, int index, rx_table **dst, rx_error 
     kind found;
     rx_point_locale locale;
     *dst = NULL;
-    RX_TRY(tell_kind(path, &found, err));
+    RX_TRY(find_kind(path, &found, err));
     if (found == KIND_FITS)
         return rx_fits_read_table(path, index, dst, err);
     if (found == KIND_TEXT && index > 0)

@@ -51,7 +51,7 @@ rx_psf *rx_psf_copy(const rx_psf *psf)
     copy->basis = basis;
     copy->samples = NULL;
     copy->stars = NULL;
-    copy->judged = NULL;
+    copy->tested = NULL;
     if (psf->samples != NULL && !rx_psf_sample(copy, psf->fine)) {
         rx_psf_free(copy);
         return NULL;
@@ -130,14 +130,14 @@ void rx_psf_fine_at(const rx_psf *psf, double x, double y, float *stamp)
     mix(psf, psf->samples != NULL ? psf->samples : psf->basis, side * side, x, y, stamp);
 }
 
-static void judged_free(rx_psf_judged *judged)
+static void judged_free(rx_psf_tested *tested)
 {
-    if (judged == NULL)
+    if (tested == NULL)
         return;
-    free(judged->star);
-    free(judged->growth);
-    free(judged->residual);
-    free(judged);
+    free(tested->star);
+    free(tested->growth);
+    free(tested->residual);
+    free(tested);
 }
 
 void rx_psf_free(rx_psf *psf)
@@ -147,7 +147,7 @@ void rx_psf_free(rx_psf *psf)
     free(psf->basis);
     free(psf->samples);
     free(psf->stars);
-    judged_free(psf->judged);
+    judged_free(psf->tested);
     free(psf);
 }
 

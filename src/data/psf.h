@@ -80,12 +80,12 @@ typedef struct rx_psf_growth {
 } rx_psf_growth;
 
 /* What reserved stars, or all where fewer than three are reserved, say of a PSF that was measured. */
-typedef struct rx_psf_judged {
+typedef struct rx_psf_tested {
     int nstars, nradii, side;
     rx_psf_star *star;     /* [nstars] reserved ones alone */
     rx_psf_growth *growth; /* [nradii] */
     float *residual;       /* [side][side] stacked stars - PSF, in units of the PSF's peak */
-} rx_psf_judged;
+} rx_psf_tested;
 
 enum { RX_PSF_MAX_BASIS = 45 }; /* a polynomial of degree 8 */
 
@@ -106,7 +106,7 @@ typedef struct rx_psf {
     double fwhm_error;  /* pixels, 1 sigma of the fwhm; 0 unknown */
     double (*stars)[2]; /* [nstars] x, y from 0; NULL when not measured */
     rx_psf_quality quality;
-    rx_psf_judged *judged; /* owned; NULL where nothing was measured, and in copies */
+    rx_psf_tested *tested; /* owned; NULL where nothing was measured, and in copies */
     char description[160]; /* one line for log, header and report */
 } rx_psf;
 

@@ -24,7 +24,7 @@ enum {
     FAR = 10,                                   /* pixels around bright ones that are left out */
     ENOUGH = 1000,                              /* pixels, in a cell and in all */
     QUADRANT_CELLS = 9,
-    NEAR = RX_NOISE_NEAR /* lags by which noise is judged */
+    NEAR = RX_NOISE_NEAR /* lags that say what noise is */
 };
 
 static const double CUT = 4.0;           /* widths */

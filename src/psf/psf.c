@@ -139,8 +139,8 @@ static rx_status measure(const rx_psf_params *par, const rx_image *image, const 
     if (status != RX_OK)
         goto exit;
     (*dst)->quality.limit *= scaled.unit;
-    for (int i = 0; (*dst)->judged != NULL && i < (*dst)->judged->nstars; i++)
-        (*dst)->judged->star[i].flux *= scaled.unit;
+    for (int i = 0; (*dst)->tested != NULL && i < (*dst)->tested->nstars; i++)
+        (*dst)->tested->star[i].flux *= scaled.unit;
 exit:
     rx_image_scaled_clear(&scaled);
     free(copies);

@@ -16,8 +16,8 @@ typedef struct rx_psf_point {
     double sky_guess, sky_error;
     double snr, chi2;     /* chi2 of a pixel */
     double damping;       /* of a step: less than 1 where neighbours' steps add up */
-    int star;             /* the PSF is measured from it, or judged by it */
-    int reserved;         /* judged only */
+    int star;             /* the PSF is measured from it, or tested by it */
+    int reserved;         /* tests only */
     int wider;            /* than stars are: a star of a bad corner, or a galaxy */
     int together;         /* wider than most, as those around it are: of a bad corner */
     int kept;             /* 0: does not look like the others */

@@ -783,8 +783,8 @@ rx_status rx_psf_measure(const rx_psf_params *par, const rx_image *image, const 
     if (status == RX_OK) {
         rx_psf_quality *q = &(*dst)->quality;
         q->how = RX_PSF_BY_PIXELS;
-        status = rx_psf_judge(&job, &wing, *dst, err);
-        if (n < FEW) /* that judge themselves */
+        status = rx_psf_test(&job, &wing, *dst, err);
+        if (n < FEW) /* that test themselves */
             q->flux_error = hypot(q->flux_error, FEW_ERROR);
     }
     if (status == RX_OK)

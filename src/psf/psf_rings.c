@@ -756,7 +756,7 @@ static void core_excess(const rx_psf_job *job, const rx_psf_point *p, double dst
 }
 
 /* Stars of the growth curve: reserved ones, or all where there are fewer than three. */
-static int list_judges(const rx_psf_job *job, rx_ranked *list)
+static int list_tested(const rx_psf_job *job, rx_ranked *list)
 {
     int n = 0;
     for (int all = 0; all < 2 && n < 3; all++) {
@@ -770,10 +770,10 @@ static int list_judges(const rx_psf_job *job, rx_ranked *list)
 }
 
 /* The residuals of stars around their nearest pixels, added, over the light of these stars and the PSF's peak. */
-static void stack(const rx_psf_job *job, const rx_ranked *stars, int n, double peak, rx_psf_judged *judged)
+static void stack(const rx_psf_job *job, const rx_ranked *stars, int n, double peak, rx_psf_tested *tested)
 {
     const rx_image *image = job->image;
-    const int half = judged->side / 2;
+    const int half = tested->side / 2;
     for (int j = -half; j <= half; j++)
         for (int i = -half; i <= half; i++) {
             double sum = 0.0, light = 0.0;
@@ -786,21 +786,21 @@ static void stack(const rx_psf_job *job, const rx_ranked *stars, int n, double p
                 sum += (double)job->rest[at] - p->sky;
                 light += p->flux;
             }
-            judged->residual[(j + half) * judged->side + i + half] =
+            tested->residual[(j + half) * tested->side + i + half] =
                 light > 0.0 ? (float)(sum / light / peak) : 0.0F;
         }
 }
 
-rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *dst, rx_error *err)
+rx_status rx_psf_test(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *dst, rx_error *err)
 {
     rx_psf_quality *quality = &dst->quality;
-    rx_psf_judged *judged = dst->judged = RX_NEW(rx_psf_judged, 1);
-    if (judged == NULL)
-        return rx_error_memory(err, sizeof *judged);
-    judged->side = 2 * job->model.half + 1;
-    judged->star = RX_NEW(rx_psf_star, (size_t)job->n + 1);
-    judged->growth = RX_NEW(rx_psf_growth, RINGS);
-    judged->residual = RX_NEW(float, (size_t)judged->side *(size_t)judged->side);
+    rx_psf_tested *tested = dst->tested = RX_NEW(rx_psf_tested, 1);
+    if (tested == NULL)
+        return rx_error_memory(err, sizeof *tested);
+    tested->side = 2 * job->model.half + 1;
+    tested->star = RX_NEW(rx_psf_star, (size_t)job->n + 1);
+    tested->growth = RX_NEW(rx_psf_growth, RINGS);
+    tested->residual = RX_NEW(float, (size_t)tested->side *(size_t)tested->side);
     const rings r = rings_of(job);
     const size_t area = area_of(&r), n = (size_t)job->n + 1;
     rx_star_shape *shapes = RX_NEW(rx_star_shape, n);
@@ -810,7 +810,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
     float *stamp = RX_NEW(float, (size_t)(2 * job->model.half + 1) * (size_t)(2 * job->model.half + 1));
     rx_status status = RX_OK;
     if (shapes == NULL || stars == NULL || around == NULL || values == NULL || stamp == NULL ||
-        judged->star == NULL || judged->growth == NULL || judged->residual == NULL) {
+        tested->star == NULL || tested->growth == NULL || tested->residual == NULL) {
         status = rx_error_memory(err, area * sizeof(double));
         goto exit;
     }
@@ -819,7 +819,7 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
         const rx_psf_point *p = &job->points[i];
         const rx_star_shape *s = &shapes[i];
         if (p->kept && p->reserved && isfinite(s->off[0]) && isfinite(s->off[1]) && isfinite(s->off[2]))
-            judged->star[judged->nstars++] = (rx_psf_star){.x = p->x,
+            tested->star[tested->nstars++] = (rx_psf_star){.x = p->x,
                                                            .y = p->y,
                                                            .flux = p->flux,
                                                            .off = {s->off[0], s->off[1], s->off[2]},
@@ -847,30 +847,30 @@ rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *d
     if (m > 0)
         weighted_mean((const double(*)[2])excess, m, values + 2 * n, scale);
     scale[0] = fmax(fabs(scale[0]), scale[1]);
-    const int judges = list_judges(job, stars);
+    const int ntests = list_tested(job, stars);
     rx_psf_model_stamp(&job->model, job->model.c, 0.0, 0.0, job->model.half,
                        &(rx_psf_stamp){stamp, NULL, NULL, job->stamps});
     for (int j = 0; j < r.n; j++)
         level[j] = model_mean(job, stamp, r.edge[j], r.edge[j + 1]);
-    look_around_all(job, stars, judges, &r, level, values, around);
+    look_around_all(job, stars, ntests, &r, level, values, around);
     const double peak =
-        (double)stamp[(size_t)job->model.half * (size_t)judged->side + (size_t)job->model.half];
-    stack(job, stars, judges, peak, judged);
-    for (int k = 0; k < judged->side * judged->side; k++) {
-        const int x = k % judged->side - job->model.half, y = k / judged->side - job->model.half;
+        (double)stamp[(size_t)job->model.half * (size_t)tested->side + (size_t)job->model.half];
+    stack(job, stars, ntests, peak, tested);
+    for (int k = 0; k < tested->side * tested->side; k++) {
+        const int x = k % tested->side - job->model.half, y = k / tested->side - job->model.half;
         if (x * x + y * y <= job->fwhm * job->fwhm)
-            quality->residual = fmax(quality->residual, fabs((double)judged->residual[k]));
+            quality->residual = fmax(quality->residual, fabs((double)tested->residual[k]));
     }
     double within = 0.0, error = 0.0, light = 0.0;
-    for (int j = 0; j < r.n && judges > 0; j++) {
-        const ring d = combine(job, stars, judges, around, r.n, j, level[j]);
+    for (int j = 0; j < r.n && ntests > 0; j++) {
+        const ring d = combine(job, stars, ntests, around, r.n, j, level[j]);
         const double pixels = M_PI * (r.edge[j + 1] * r.edge[j + 1] - r.edge[j] * r.edge[j]);
         within += d.mean * pixels;
         error += d.error * pixels; /* of the sky, in all rings alike */
         light += level[j] * pixels;
         if (!(error < 0.1))
             break;
-        judged->growth[judged->nradii++] =
+        tested->growth[tested->nradii++] =
             (rx_psf_growth){.radius = r.edge[j + 1], .stars = light + within, .psf = light, .error = error};
         if (error < 0.01 && fabs(within) > 2.0 * error)
             more = fmax(more, fabs(within));

@@ -29,7 +29,7 @@ double rx_psf_rings_reach(const rx_psf_job *job);
  * no ring stands out of the noise the wing stays, with the halo that is to be expected. */
 rx_status rx_psf_wings(rx_psf_job *job, double least, rx_psf_wing *dst, rx_log *log, rx_error *err);
 
-/* What reserved stars say of the model, into quality and judged of dst. */
-rx_status rx_psf_judge(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *dst, rx_error *err);
+/* What reserved stars say of the model, into quality and tested of dst. */
+rx_status rx_psf_test(const rx_psf_job *job, const rx_psf_wing *wing, rx_psf *dst, rx_error *err);
 
 #endif

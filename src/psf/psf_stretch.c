@@ -169,7 +169,7 @@ static int by_first(const void *a, const void *b)
 
 /* Errors of s in cells. Where most of the stars around a place, those that do not suit the others among them, differ from
  * the polynomial by more than their noise, that is as wrong as they say. work [3 n]. */
-static void judge(const rx_psf_job *job, const stars_of *s, double (*work)[2], rx_psf_variation *v)
+static void weigh(const rx_psf_job *job, const stars_of *s, double (*work)[2], rx_psf_variation *v)
 {
     double scatter = 0.0, all = 0.0, *off = work[s->n];
     for (int i = 0; i < s->n; i++)
@@ -306,7 +306,7 @@ rx_status rx_psf_vary(rx_psf_job *job, int highest, rx_log *log, rx_error *err)
         }
     set_prior(&s, best_held);
     if (fit_all(&s, best.nterms, best.c))
-        judge(job, &s, work, &best);
+        weigh(job, &s, work, &best);
     job->variation = best;
 exit:
     free(least);

@@ -1,4 +1,4 @@
-/* Reading .qa files and judging. */
+/* Reading .qa files and deciding. */
 #include "quality/gates.h"
 
 #include <math.h>

@@ -25,7 +25,7 @@ static rx_status measure_run(rx_qa_numbers *q, int run, rx_error *err)
     return RX_OK;
 }
 
-/* A deeper list is not judged by sources that the others do not hold. */
+/* A deeper list is not tested by sources that the others do not hold. */
 static void compare_errors(rx_qa_numbers *q)
 {
     const int n = q->input->nruns;
@@ -46,7 +46,7 @@ static void compare_errors(rx_qa_numbers *q)
         q->common[run] = q->ncommon > 0 ? q->common[run] / (double)q->ncommon : NAN;
 }
 
-static rx_status judge_gate(rx_qa_numbers *q, const rx_gate *gate, rx_error *err)
+static rx_status check_gate(rx_qa_numbers *q, const rx_gate *gate, rx_error *err)
 {
     rx_estimate estimates[RX_METRIC_COUNT];
     const long before = q->nresults;
@@ -73,17 +73,17 @@ double rx_qa_star_mag(const rx_qa_psf *psf, const rx_psf_star *star)
 /* Empty ranges are left out; returns how many are left. */
 static int psf_bins(const rx_qa_psf *psf, rx_qa_psf_bin dst[RX_QA_PSF_BINS])
 {
-    const rx_psf_judged *judged = psf->psf->judged;
+    const rx_psf_tested *tested = psf->psf->tested;
     double low = HUGE_VAL, high = -HUGE_VAL;
-    for (int i = 0; i < judged->nstars; i++) {
-        low = fmin(low, floor(rx_qa_star_mag(psf, &judged->star[i])));
-        high = fmax(high, rx_qa_star_mag(psf, &judged->star[i]));
+    for (int i = 0; i < tested->nstars; i++) {
+        low = fmin(low, floor(rx_qa_star_mag(psf, &tested->star[i])));
+        high = fmax(high, rx_qa_star_mag(psf, &tested->star[i]));
     }
     const double width = 0.5 * fmax(floor(2.0 * (high - low) / RX_QA_PSF_BINS) + 1.0, 1.0);
     for (int b = 0; b < RX_QA_PSF_BINS; b++)
         dst[b] = (rx_qa_psf_bin){.mag = low + (b + 0.5) * width};
-    for (int i = 0; i < judged->nstars; i++) {
-        const rx_psf_star *star = &judged->star[i];
+    for (int i = 0; i < tested->nstars; i++) {
+        const rx_psf_star *star = &tested->star[i];
         const double mag = rx_qa_star_mag(psf, star);
         rx_qa_psf_bin *to = &dst[isnan(mag) ? 0 : (int)((mag - low) / width)];
         to->n += !isnan(mag);
@@ -125,10 +125,10 @@ rx_status rx_qa_numbers_make(const rx_qa_params *par, const rx_qa_input *input, 
     for (int run = 0; run < input->nruns; run++)
         RX_TRY(measure_run(dst, run, err));
     compare_errors(dst);
-    if (input->psf.psf != NULL && input->psf.psf->judged != NULL)
+    if (input->psf.psf != NULL && input->psf.psf->tested != NULL)
         dst->npsf_bins = psf_bins(&input->psf, dst->psf_bin);
     for (long i = 0; i < gates; i++)
-        RX_TRY(judge_gate(dst, &par->gates->gate[i], err));
+        RX_TRY(check_gate(dst, &par->gates->gate[i], err));
     for (long i = 0; i < dst->nresults; i++)
         dst->verdict = rx_verdict_worse(dst->verdict, dst->result[i].verdict);
     return RX_OK;

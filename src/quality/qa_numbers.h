@@ -36,7 +36,7 @@ typedef struct rx_qa_numbers {
     long nresults;
     rx_gate_result *result;
     rx_verdict verdict;
-    int npsf_bins; /* 0: no star judges the PSF */
+    int npsf_bins; /* 0: no star tests the PSF */
     rx_qa_psf_bin psf_bin[RX_QA_PSF_BINS];
     rx_arena memory; /* of the arrays above */
 } rx_qa_numbers;
@@ -52,7 +52,7 @@ static inline const rx_estimate *rx_qa_binned(const rx_qa_numbers *numbers, int 
     return numbers->binned[run * numbers->bins.n + bin];
 }
 
-/* Of a star that judges the PSF; NAN without a flux. */
+/* Of a star that tests the PSF; NAN without a flux. */
 double rx_qa_star_mag(const rx_qa_psf *psf, const rx_psf_star *star);
 
 #endif

@@ -338,7 +338,7 @@ static void remark(rx_tile_quality *q, const char *key, int bad, const char *for
 }
 
 /* Are bright sources smaller than all the stars that made the PSF? Then those are no stars. */
-static void judge_locus(rx_tile_quality *q)
+static void check_locus(rx_tile_quality *q)
 {
     static const double BRIGHT = 50, SMALLER = 0.85;
     const rx_psf *psf = q->about->image.psf;
@@ -367,7 +367,7 @@ static void judge_locus(rx_tile_quality *q)
                smaller, bright, psf->nstars);
 }
 
-static void judge_psf(rx_tile_quality *q)
+static void check_psf(rx_tile_quality *q)
 {
     const rx_psf *psf = q->about->image.psf;
     if (psf == NULL) {
@@ -380,7 +380,7 @@ static void judge_psf(rx_tile_quality *q)
                "The PSF is not from several stars of the tile itself, but %s (RXPSFHOW): give PSF_TYPE PSFEX "
                "or FILE.",
                rx_psf_how_name(how));
-    judge_locus(q);
+    check_locus(q);
     if (fabs(psf->quality.growth) > GROWTH)
         remark(q, "growth", 1,
                "The curve of growth of stars differs from that of the PSF by %.1f %%: template fluxes may be "
@@ -404,7 +404,7 @@ static void judge_psf(rx_tile_quality *q)
                100 * q->wider_scatter, q->wider_n);
 }
 
-static void judge_noise(rx_tile_quality *q)
+static void check_noise(rx_tile_quality *q)
 {
     const rx_noise_correlation *noise = q->about->image.correlation;
     if (q->width < WIDTH_LOW || q->width > WIDTH_HIGH)
@@ -437,7 +437,7 @@ static void judge_noise(rx_tile_quality *q)
                100 * q->saturated);
 }
 
-static void judge_run(rx_tile_quality *q, const rx_tile_restored *run)
+static void check_run(rx_tile_quality *q, const rx_tile_restored *run)
 {
     const rx_qa_run *about = run->about;
     if (run->sources->n == 0)
@@ -489,10 +489,10 @@ rx_status rx_tile_quality_make(const rx_tile_about *about, rx_tile_quality **dst
         shape_grid(q, stamp);
         RX_TRY_EXIT(measure_stars(q, stamp, room, err));
     }
-    judge_psf(q);
-    judge_noise(q);
+    check_psf(q);
+    check_noise(q);
     for (int i = 0; i < about->nruns; i++)
-        judge_run(q, &about->runs[i]);
+        check_run(q, &about->runs[i]);
     *dst = q;
     q = NULL;
 exit:

@@ -220,14 +220,14 @@ static const struct {
 /* --- the PSF --- */
 
 /* That most residuals of stars do not exceed: of size, or of both parts of the ellipse. */
-static double reach_of(const rx_psf_judged *judged, bool ellipse)
+static double reach_of(const rx_psf_tested *tested, bool ellipse)
 {
-    double *values = RX_NEW(double, 2 * (size_t)judged->nstars + 1), reach = 0.01;
+    double *values = RX_NEW(double, 2 * (size_t)tested->nstars + 1), reach = 0.01;
     size_t n = 0;
-    for (int i = 0; i < judged->nstars && values != NULL; i++) {
-        values[n++] = fabs(judged->star[i].off[ellipse ? 1 : 0]);
+    for (int i = 0; i < tested->nstars && values != NULL; i++) {
+        values[n++] = fabs(tested->star[i].off[ellipse ? 1 : 0]);
         if (ellipse)
-            values[n++] = fabs(judged->star[i].off[2]);
+            values[n++] = fabs(tested->star[i].off[2]);
     }
     if (n > 0)
         reach = fmax(1.3 * rx_quantile(values, n, 0.95), 1e-4);
@@ -238,8 +238,8 @@ static double reach_of(const rx_psf_judged *judged, bool ellipse)
 /* Residuals against magnitude, of size or of the ellipse: every star, and means of FEW and more. */
 static void magnitude_figure(rx_figures *dst, const rx_qa_numbers *q, bool ellipse)
 {
-    const rx_psf_judged *judged = q->input->psf.psf->judged;
-    const double reach = reach_of(judged, ellipse);
+    const rx_psf_tested *tested = q->input->psf.psf->tested;
+    const double reach = reach_of(tested, ellipse);
     rx_axes axes = {"magnitude", ellipse ? "de1, de2" : "dT/T", HUGE_VAL, -HUGE_VAL, -reach, reach, false,
                     false};
     static const char *const names[SHAPES] = {"size", "de1", "de2"};
@@ -247,9 +247,9 @@ static void magnitude_figure(rx_figures *dst, const rx_qa_numbers *q, bool ellip
     for (int k = ellipse ? 1 : 0; k < (ellipse ? SHAPES : 1); k++) {
         const int color = k > 1;
         rx_curves_add(&c, RX_CURVE_POINTS, color, names[k]);
-        for (int i = 0; i < judged->nstars; i++) {
-            const double mag = rx_qa_star_mag(&q->input->psf, &judged->star[i]);
-            rx_curves_put(&c, mag, judged->star[i].off[k], NAN, NAN);
+        for (int i = 0; i < tested->nstars; i++) {
+            const double mag = rx_qa_star_mag(&q->input->psf, &tested->star[i]);
+            rx_curves_put(&c, mag, tested->star[i].off[k], NAN, NAN);
             axes.x0 = fmin(axes.x0, mag - 0.3);
             axes.x1 = fmax(axes.x1, mag + 0.3);
         }
@@ -274,8 +274,8 @@ static void magnitude_figure(rx_figures *dst, const rx_qa_numbers *q, bool ellip
  * |de| = hypot(de1, de2), along its major axis. */
 static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
 {
-    const rx_psf_judged *judged = q->input->psf.psf->judged;
-    const double size = reach_of(judged, false), ellipse = reach_of(judged, true);
+    const rx_psf_tested *tested = q->input->psf.psf->tested;
+    const double size = reach_of(tested, false), ellipse = reach_of(tested, true);
     const double side = fmax(q->input->width, q->input->height), length = 0.1 * side / ellipse;
     char reading[320];
     snprintf(reading, sizeof reading,
@@ -283,10 +283,10 @@ static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
              "along their major axis; one of %.2g is as long as 10 %% of the tile's longer side. Colours or "
              "whiskers that flock are a PSF that varies in another way than the model.",
              ellipse);
-    double *values = RX_NEW(double, 5 * (size_t)judged->nstars), *v = values;
+    double *values = RX_NEW(double, 5 * (size_t)tested->nstars), *v = values;
     dst->script.failed |= values == NULL;
-    for (int i = 0; i < judged->nstars && values != NULL; i++) {
-        const rx_psf_star *s = &judged->star[i];
+    for (int i = 0; i < tested->nstars && values != NULL; i++) {
+        const rx_psf_star *s = &tested->star[i];
         const double half = 0.5 * length * hypot(s->off[1], s->off[2]),
                      angle = 0.5 * atan2(s->off[2], s->off[1]);
         *v++ = s->x + 1.0;
@@ -299,7 +299,7 @@ static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
     rx_plot_coloured_begin(
         dst, &(rx_axes){"X_IMAGE", "Y_IMAGE", 0, q->input->width, 0, q->input->height, false, false},
         &(rx_coloured){"(-1 '#2166ac', 0 '#cccccc', 1 '#b2182b')", "dT/T", -size, size,
-                       values ? judged->nstars : 0, 5, values});
+                       values ? tested->nstars : 0, 5, values});
     rx_text_add(&dst->script,
                 "$data using ($1-$4):($2-$5):(2*$4):(2*$5) with vectors nohead lc rgb '#404040' lw 1.6 "
                 "notitle, $data using 1:2:3 with points pt 7 ps 0.9 palette notitle, $data using 1:2 with "
@@ -308,16 +308,16 @@ static void map_figure(rx_figures *dst, const rx_qa_numbers *q)
     free(values);
 }
 
-static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)
+static void growth_figure(rx_figures *dst, const rx_psf_tested *tested)
 {
-    const double wrong = 0.01, last = judged->growth[judged->nradii - 1].radius;
+    const double wrong = 0.01, last = tested->growth[tested->nradii - 1].radius;
     double most = 2.0 * wrong;
     rx_curves c = {0};
     for (int side = -1; side <= 1; side += 2)
         rx_curves_reference(&c, 0.0, side * wrong, last, side * wrong);
     rx_curves_add(&c, RX_CURVE_BAND, 0, "stars - PSF");
-    for (int i = 0; i < judged->nradii; i++) {
-        const rx_psf_growth *g = &judged->growth[i];
+    for (int i = 0; i < tested->nradii; i++) {
+        const rx_psf_growth *g = &tested->growth[i];
         const double off = g->stars - g->psf;
         rx_curves_put(&c, g->radius, off, off - g->error, off + g->error);
         if (g->error < wrong)
@@ -335,19 +335,19 @@ static void growth_figure(rx_figures *dst, const rx_psf_judged *judged)
 static void draw_psf(rx_figures *dst, const rx_qa_numbers *q)
 {
     const rx_psf *psf = q->input->psf.psf;
-    if (psf == NULL || psf->judged == NULL)
+    if (psf == NULL || psf->tested == NULL)
         return;
-    if (psf->judged->nstars > 0) {
+    if (psf->tested->nstars > 0) {
         magnitude_figure(dst, q, false);
         magnitude_figure(dst, q, true);
         map_figure(dst, q);
     }
-    if (psf->judged->nradii > 0)
-        growth_figure(dst, psf->judged);
+    if (psf->tested->nradii > 0)
+        growth_figure(dst, psf->tested);
     rx_figure_add(dst, "psf-residual", "Stacked stars - PSF",
                   "grey is 0, black -2 %, white 2 % of the PSF's peak.", RX_FIGURE_PICTURE);
-    rx_plot_picture(dst, &(rx_grey_image){psf->judged->side, psf->judged->side, PICTURE_SIDE,
-                                          psf->judged->residual, -0.02, 0.02, 0.0});
+    rx_plot_picture(dst, &(rx_grey_image){psf->tested->side, psf->tested->side, PICTURE_SIDE,
+                                          psf->tested->residual, -0.02, 0.02, 0.0});
 }
 
 /* --- all --- */

@@ -104,7 +104,7 @@ RX_COLUMNS(PSF, RX_TEXT("how", "how it came about", "RXPSFHOW"),
            RX_MEASURED("fwhm", 3, "pix", "at the centre", "FWHM"),
            RX_NUMBER("stars", 0, "", "that it was fitted to"),
            RX_NUMBER("flux_error", 4, "", "relative error of fluxes from it", "error of fluxes"),
-           RX_NUMBER("reserved", 0, "", "stars that were not fitted, to judge it"),
+           RX_NUMBER("reserved", 0, "", "stars that were not fitted, to test it"),
            RX_MEASURED("dt", 5, "", "their mean (T - T of PSF) / T, T = <x²> + <y²>", "dT/T"),
            RX_MEASURED("de1", 5, "", "their mean e1 - e1 of PSF, e1 = (<x²> - <y²>) / T"),
            RX_MEASURED("de2", 5, "", "their mean e2 - e2 of PSF, e2 = 2 <xy> / T"),
@@ -169,7 +169,7 @@ typedef struct page {
     const rx_qa_numbers *q;
     rx_report *report;
     rx_report_table *runs, *models, *bins, *flags, *gates;
-    rx_report_table *psf, *psf_bins; /* NULL: there is no PSF, no star that judges it */
+    rx_report_table *psf, *psf_bins; /* NULL: there is no PSF, no star that tests it */
     char (*stem)[STEM];              /* [nruns] of the names of each run's files; NULL without memory */
     rx_report_column run_column[NRUNS + RX_METRIC_COUNT], bin_column[NBINS + RX_METRIC_COUNT];
 } page;
@@ -401,19 +401,19 @@ static void add_psf(page *p)
     const rx_qa_numbers *q = p->q;
     const rx_psf *psf = q->input->psf.psf;
     const rx_psf_quality *quality = &psf->quality;
-    const rx_psf_judged *judged = psf->judged;
-    const bool is_judged = judged != NULL;
+    const rx_psf_tested *tested = psf->tested;
+    const bool is_tested = tested != NULL;
     p->psf = RX_REPORT_TABLE(p->report, "psf", PSF, RX_REPORT_IN_JSON);
     rx_report_put(
         p->psf, rx_psf_how_name(quality->how),
         known_to(true, psf->fwhm, psf->fwhm_error > 0.0 ? psf->fwhm_error : NAN), psf->nstars,
         known(rx_psf_flux_error_mean(psf) > 0.0, rx_psf_flux_error_mean(psf)),
-        known(is_judged, quality->reserved), known_to(is_judged, quality->trace[0], quality->trace[1]),
-        known_to(is_judged, quality->shape[0][0], quality->shape[0][1]),
-        known_to(is_judged, quality->shape[1][0], quality->shape[1][1]), known(is_judged, quality->residual),
-        known_to(is_judged, quality->growth, quality->growth_error),
-        known(is_judged, quality->growth_radius));
-    if (!is_judged)
+        known(is_tested, quality->reserved), known_to(is_tested, quality->trace[0], quality->trace[1]),
+        known_to(is_tested, quality->shape[0][0], quality->shape[0][1]),
+        known_to(is_tested, quality->shape[1][0], quality->shape[1][1]), known(is_tested, quality->residual),
+        known_to(is_tested, quality->growth, quality->growth_error),
+        known(is_tested, quality->growth_radius));
+    if (!is_tested)
         return;
     p->psf_bins = RX_REPORT_TABLE(p->report, "psf_bins", PSF_BINS, RX_REPORT_IN_JSON);
     for (int b = 0; b < q->npsf_bins; b++) {
@@ -423,14 +423,14 @@ static void add_psf(page *p)
                       rx_cell_measured(bin->mean[2], bin->error[2]));
     }
     rx_report_table *stars = RX_REPORT_TABLE(p->report, "psf_stars", PSF_STARS, RX_REPORT_IN_FILE);
-    for (int i = 0; i < judged->nstars; i++) {
-        const rx_psf_star *s = &judged->star[i];
+    for (int i = 0; i < tested->nstars; i++) {
+        const rx_psf_star *s = &tested->star[i];
         rx_report_put(stars, s->x + 1.0, s->y + 1.0, rx_qa_star_mag(&q->input->psf, s), s->off[0], s->off[1],
                       s->off[2], s->error);
     }
     rx_report_table *growth = RX_REPORT_TABLE(p->report, "psf_growth", PSF_GROWTH, RX_REPORT_IN_FILE);
-    for (int i = 0; i < judged->nradii; i++) {
-        const rx_psf_growth *g = &judged->growth[i];
+    for (int i = 0; i < tested->nradii; i++) {
+        const rx_psf_growth *g = &tested->growth[i];
         rx_report_put(growth, g->radius, g->stars, g->psf, g->error);
     }
 }
@@ -520,7 +520,7 @@ static void add_verdicts(page *p)
             rx_report_verdict(p->report, RX_MARK_BAD, title, sentence);
         }
     }
-    if (psf != NULL && psf->judged != NULL && fabs(psf->quality.growth) > WRONG)
+    if (psf != NULL && psf->tested != NULL && fabs(psf->quality.growth) > WRONG)
         rx_report_verdict(p->report, RX_MARK_BAD,
                           "The curve of growth of stars differs from that of the PSF by more than 1 %.",
                           "Fluxes of templates may be off by as much.");

@@ -26,7 +26,7 @@
  * the work of two to four: validation/results/iterations. Biggs and Andrews take a_k from the last two steps, which
  * needs fewer iterations still, but medium scales overshoot and with them the noise: 0.2 to 0.4 dB at the same
  * completeness in trials. No pixel falls below a tenth of what it was by being carried on. The last update is not
- * carried on; RL_STOP DISCREPANCY judges, and returns, what was. The flux is kept as without.
+ * carried on; RL_STOP DISCREPANCY tests, and returns, what was. The flux is kept as without.
  *
  * Memory: besides tile and sky a mask, f and K^T W on the sky and K f on the tile, 13 bytes a pixel, and two
  * planes more of a tile of up to 2^26 pixels (restore/prepared.h); pixels and the planes that are asked for

@@ -90,10 +90,10 @@ static void surface_brightness(const rx_config *cfg, const rx_reals *key, double
     *absolute = 1;
 }
 
-/* The usual file, which is not there, stands for what is built in. */
-static bool is_built_in(const char *name, const char *usual)
+/* The standard file, which is not there, stands for what is built in. */
+static bool is_built_in(const char *name, const char *standard)
 {
-    return strcmp(name, usual) == 0 && access(name, F_OK) != 0;
+    return strcmp(name, standard) == 0 && access(name, F_OK) != 0;
 }
 
 static rx_status noise_options(const rx_config *cfg, rx_options *dst, rx_error *err)

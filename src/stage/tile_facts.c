@@ -19,13 +19,13 @@ int rx_psf_account_is_lower(const rx_psf_account *psf)
 }
 
 /* Stars on the sky, ellipses with north up and east left: a star of position angle p has e = |e| exp(2 i p). */
-static rx_status correlate(const rx_tile *tile, const rx_psf_judged *judged, rx_rho *dst, rx_error *err)
+static rx_status correlate(const rx_tile *tile, const rx_psf_tested *tested, rx_rho *dst, rx_error *err)
 {
     rx_rho_star *stars;
     int n = 0;
-    RX_TRY(RX_MAKE(stars, (size_t)judged->nstars + 1, err));
-    for (int i = 0; i < judged->nstars; i++) {
-        const rx_psf_star *s = &judged->star[i];
+    RX_TRY(RX_MAKE(stars, (size_t)tested->nstars + 1, err));
+    for (int i = 0; i < tested->nstars; i++) {
+        const rx_psf_star *s = &tested->star[i];
         rx_rho_star *to = &stars[n];
         double m[4];
         rx_wcs_to_sky(tile->wcs, 1, &s->x, &s->y, &to->alpha, &to->delta);
@@ -63,7 +63,7 @@ static rx_status describe_psf(const rx_field *field, const rx_extension_facts *e
     }
     dst->rho.alpha = e->alpha;
     dst->rho.delta = e->delta;
-    return psf->judged != NULL && isfinite(e->alpha) ? correlate(field->tile, psf->judged, &dst->rho, err)
+    return psf->tested != NULL && isfinite(e->alpha) ? correlate(field->tile, psf->tested, &dst->rho, err)
                                                      : RX_OK;
 }
 

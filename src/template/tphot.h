@@ -25,7 +25,7 @@ typedef struct rx_tphot_params {
                                 fitted */
     int sky_cell; /* pixels: in cells of that size the sky is measured again between the models and taken off;
                      0: the level is right */
-    double psf_error; /* relative error of a pixel of a template, that of the PSF: bright stars are not judged
+    double psf_error; /* relative error of a pixel of a template, that of the PSF: bright stars are not tested
                          by more than the PSF is known to (Stetson 1987, PASP 99, 191: "profile error") */
     int passes; /* fits of everything at most, each but the first after a look at the residual; 2 where it is not crowded */
     int crowding; /* RX_CROWDING_ */

@@ -179,7 +179,7 @@ rx_status rx_unseen_allow(const rx_crowding *crowd, double fwhm, rx_tphot_source
         rx_sort(s.ratio, (size_t)points);
         *excess = s.ratio[points / 2];
     }
-    for (int k = 0; k < s.m && status == RX_OK; k++) /* fluxes that others are judged by stay until here */
+    for (int k = 0; k < s.m && status == RX_OK; k++) /* fluxes that others are held to stay until here */
         list[s.entry[k]].flux -= list[s.entry[k]].unseen;
     free(s.entry);
     free(s.density);

@@ -78,11 +78,11 @@ void rx_selection_update(rx_selection *selection, const double *sum, const long 
         selection->loss[b] = mean;
         means[n++] = mean;
     }
-    const double usual = n > 0 ? rx_median(means, n) : 0;
-    for (int b = 0; b < selection->nbins && usual > 0; b++) {
+    const double median = n > 0 ? rx_median(means, n) : 0;
+    for (int b = 0; b < selection->nbins && median > 0; b++) {
         const double mean = mean_of(sum[b], number[b]);
         if (!isnan(mean))
-            selection->list[b] = fmin(1, mean / (2 * usual));
+            selection->list[b] = fmin(1, mean / (2 * median));
     }
     count(selection);
 }

@@ -80,8 +80,8 @@ typedef struct rx_train_state {
 
     double slow;  /* the rate is multiplied by this, halved each time the loss diverged */
     long returns; /* how often it did */
-    double usual; /* running mean of the loss */
-    long usual_n; /* batches behind it */
+    double loss;  /* running mean of the loss */
+    long loss_n;  /* batches behind it */
     long high;    /* batches in a row far above it */
 
     /* sums of the epoch that is not complete */

@@ -77,13 +77,13 @@ static int diverges(rx_train_state *s, double loss, double norm)
 {
     if (!isfinite(loss) || !isfinite(norm))
         return 1;
-    const int high = s->usual_n > 0 && loss > HIGH * s->usual;
-    if (high && s->usual_n >= KNOWN_BATCHES)
+    const int high = s->loss_n > 0 && loss > HIGH * s->loss;
+    if (high && s->loss_n >= KNOWN_BATCHES)
         return ++s->high >= HIGH_BATCHES;
     s->high = 0;
-    s->usual_n++;
-    loss = high ? HIGH * s->usual : loss; /* one bad batch is not what is usual */
-    s->usual += fmax(FORGETS, 1 / (double)s->usual_n) * (loss - s->usual);
+    s->loss_n++;
+    loss = high ? HIGH * s->loss : loss; /* one bad batch is not the mean */
+    s->loss += fmax(FORGETS, 1 / (double)s->loss_n) * (loss - s->loss);
     return 0;
 }
 
@@ -376,7 +376,7 @@ static rx_status run_epoch(job *j, rx_error *err)
         const double left = 1 - j->begun_at;
         char what[96];
         RX_TRY_EXIT(run_batch(j, n, err));
-        snprintf(what, sizeof what, "epoch %ld of %d, loss %.4g", s->epoch + 1, j->config->epochs, s->usual);
+        snprintf(what, sizeof what, "epoch %ld of %d, loss %.4g", s->epoch + 1, j->config->epochs, s->loss);
         rx_log_progress(j->log, what, left > 0 ? (progress_of(j, n) - j->begun_at) / left : 1);
         RX_TRY_EXIT(rx_par_agree(rx_interrupt_check(err), err));
     }

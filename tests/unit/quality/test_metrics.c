@@ -366,8 +366,8 @@ static void runs_on_the_same_references(void **state)
     const double ratio[2][4] = {{1.1, 1.1, 0, 0}, {1.0, 1.1, 2.0, 2.0}};
     rx_qa_run runs[2] = {{.name = "SHORT"}, {.name = "DEEP"}};
     rx_psf_star stars[] = {star_of(14, 0.1), star_of(14.9, 0.3), star_of(22.9, 0.2), {.flux = -1}};
-    rx_psf_judged judged = {.nstars = 4, .star = stars};
-    const rx_psf psf = {.judged = &judged};
+    rx_psf_tested tested = {.nstars = 4, .star = stars};
+    const rx_psf psf = {.tested = &tested};
     const rx_qa_input input = {.tile = "t",
                                .reference = "r",
                                .width = 400,

@@ -46,9 +46,9 @@ static void fill(rx_train_state *s, double first)
     double v = first;
     for (long i = 0; i < 4 * s->n; i++)
         s->weights[i] = (float)(v += 0.25);
-    long *const longs[] = {&s->steps,   &s->epoch,   &s->at,   &s->patches, &s->best_epoch,
-                           &s->returns, &s->usual_n, &s->high, &s->batches};
-    double *const doubles[] = {&s->best_loss, &s->slow,      &s->usual,  &s->norm,
+    long *const longs[] = {&s->steps,   &s->epoch,  &s->at,   &s->patches, &s->best_epoch,
+                           &s->returns, &s->loss_n, &s->high, &s->batches};
+    double *const doubles[] = {&s->best_loss, &s->slow,      &s->loss,   &s->norm,
                                &s->rate,      &s->sum.total, &s->sum.ffl};
     for (size_t i = 0; i < sizeof longs / sizeof *longs; i++)
         *longs[i] = (long)(v += 1);
