@@ -195,6 +195,27 @@ exit:
     return status;
 }
 
+/* G of what the cells have, and of what that leaves of them. */
+static rx_status smooth_twice(const rx_cells *residual, double sigma, int nthreads, rx_coarse *dst,
+                              rx_error *err)
+{
+    const size_t n = (size_t)residual->nx * (size_t)residual->ny;
+    rx_cells left = *residual;
+    rx_coarse more = {0};
+    rx_status status;
+    RX_TRY(RX_MAKE(left.sum, n, err));
+    RX_TRY_EXIT(rx_cells_smooth(residual, sigma, 0, nthreads, dst, NULL, err));
+    for (size_t k = 0; k < n; k++)
+        left.sum[k] = residual->sum[k] - residual->weight[k] * (double)dst->value[k];
+    RX_TRY_EXIT(rx_cells_smooth(&left, sigma, 0, nthreads, &more, NULL, err));
+    for (size_t k = 0; k < n; k++)
+        dst->value[k] += more.value[k];
+exit:
+    rx_coarse_free(&more);
+    free(left.sum);
+    return status;
+}
+
 /* L of the cells: near becomes wide + share (near - wide). */
 static rx_status make_sky(const rx_cells *residual, const rx_cells *light, double sigma, int nthreads,
                           rx_coarse *near, rx_error *err)
@@ -202,7 +223,7 @@ static rx_status make_sky(const rx_cells *residual, const rx_cells *light, doubl
     /* the means of cells are as wide as a box, and the lines between their centres as a hat */
     const double rest = sqrt(fmax(1, sigma * sigma - CELL * CELL / 4.0));
     rx_coarse wide = {0}, share = {0};
-    rx_status status = rx_cells_smooth(residual, rest, 0, nthreads, near, NULL, err);
+    rx_status status = smooth_twice(residual, rest, nthreads, near, err);
     if (status == RX_OK)
         status = rx_cells_smooth(residual, WIDE * sigma, 0, nthreads, &wide, NULL, err);
     if (status == RX_OK)
