@@ -480,24 +480,6 @@ def templates_sky():
         them.""")
 
 
-def faint_galaxies():
-    cells = json.loads(text_of("validation/results/faint_galaxies/summary.json"))["cells"]
-    rows = []
-    for frame in distinct(c["frame"] for c in cells):
-        for mu in distinct(c["mu"] for c in cells):
-            row = [frame, f"{mu:g}"]
-            for r in ("NONE", "RL", "NET"):
-                mine = [c for c in cells if (c["frame"], c["mu"], c["restorer"]) == (frame, mu, r)]
-                auto = [c["auto"] for c in mine if c["auto"] is not None]
-                row += [" ".join(f"{c['light']:.2f}" for c in mine), " ".join(f"{c['size']:.2f}" for c in mine),
-                        f"{statistics.mean(c['found'] for c in mine):.2f}", f"{statistics.mean(auto):.2f}" if auto else ""]
-            rows.append(row)
-    head = [f"{r}: {what}" for r in ("NONE", "RL", "NET") for what in ("light", "size", "found", "AUTO")]
-    count = one(cells, frame=cells[0]["frame"], mu=cells[0]["mu"], arcsec=cells[0]["arcsec"], restorer="NET")["n"]
-    return "\n" + table(["frame", "mu at r_e (mag/arcsec^2)", *head], rows) + "\n" + paragraph(f"""Discs of effective radius 4 and 8 arcsec (light
-        and size: each; found and AUTO: both), {count} of each in a cell.""")
-
-
 def models():
     about, tests, flux = (tables("validation/results/models/models.md")[n][1] for n in range(3))
     names = ("psfnet", "psfnet-fast", "psfnet-one", "psfnet-floor", "psfnet-skies", "psfnet-deep", "psfnet-deep-ideal")
@@ -1060,7 +1042,7 @@ def paper_speed():
 
 BLOCKS = {function.__name__.replace("_", "-"): function for function in (
     five, sdss_frame, campaigns, selfcheck_short, selfcheck_result, selfcheck_table, selfcheck_fluxes, templates_table,
-    templates_found, faint_galaxies, models, recipes, limits, robustness, resampled, psf, crowded, close_pairs, put_in,
+    templates_found, models, recipes, limits, robustness, resampled, psf, crowded, close_pairs, put_in,
     sdss_coadd, preal, speed, amdahl, cores, against_time, paper, paper_lists, paper_networks, paper_tables, paper_speed)}
 
 
