@@ -166,7 +166,7 @@ if [ "$active" = 1 ]; then
         done
         timeout 60 "$program" tile.fits $net -CATALOG_TYPE FITS_1.0 -CATALOG_NAME test.fits -VERBOSE_TYPE QUIET
         cards=$(tr -d '\000' <test.fits | fold -b -w 80 | grep -a -c '^RX')
-        [ "$cards" -ge 18 ] && [ "$cards" -le 25 ] || echo "$cards cards of ours by default"
+        [ "$cards" -ge 15 ] && [ "$cards" -le 25 ] || echo "$cards cards of ours by default"
         rm -f test.fits
     } >../err 2>&1
     : >../out
