@@ -17,6 +17,9 @@ static const double FAR = 3.0;   /* pixels: resampling leaves next to nothing at
 static const double CLEAR = 5.0; /* errors of a share of light */
 static const double MOST = 0.85; /* of the variance that faint light can be */
 static const double LESS = 0.95; /* of a share that leaves too little */
+/* Skewness of pixels that is light's: that of a globular cluster's core is 1.0, of Spitzer's crowd 0.9, of smoothed coadds below 0.1; of
+ * noise of one photon a pixel, 1, smoothing by as much as a PSF leaves a quarter. */
+static const double SKEWED = 0.5;
 static const double LITTLE = 0.03, LITTLE_ERRORS = 4.0; /* what is left of noise that is none */
 
 static const double SIGNIFICANT = 5.0, DIFFERENT = 0.15; /* of quadrants: errors, share */
@@ -132,6 +135,16 @@ int rx_noise_reaches_far(const rx_noise_correlation *noise)
     return sum > CLEAR * sqrt(2.0 * n) * noise->error; /* half of the lags are the others again */
 }
 
+/* Faint stars are what most of the noise is: independent of each other, and as much noise as they are until models say what is left. */
+static void take_as_stars(rx_noise_correlation *noise)
+{
+    noise->correlated = 0;
+    memset(noise->at, 0, sizeof noise->at);
+    noise->at[REACH][REACH] = 1.0;
+    for (int i = 0; i < RX_NOISE_QUADRANTS; i++)
+        noise->quadrant[i] = 1.0;
+}
+
 double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int width, int height,
                               double photons)
 {
@@ -154,6 +167,11 @@ double rx_noise_without_light(rx_noise_correlation *noise, const float *psf, int
         const faint_light beyond = fit_light(noise, light, photons, FAR + 1.0);
         fit = fit_light(noise, light, photons, FAR);
         fit.share = fmin(fit.share, beyond.share + 2.0 * beyond.error);
+        if (fit.share > CLEAR * fit.error && fit.share + fit.floor > MOST &&
+            noise->skewness - CLEAR * noise->skewness_error > SKEWED) {
+            take_as_stars(noise);
+            return fit.share;
+        }
         if (!is_light(&fit, most))
             return 0.0;
         /* where nearly all is light, what differs from it is the PSF's error */

@@ -36,10 +36,11 @@ typedef struct rx_noise_correlation {
     int correlated;                          /* 0: independent within the errors, and `at` says so exactly */
     double at[RX_NOISE_SIDE][RX_NOISE_SIDE]; /* [dy + RX_NOISE_REACH][dx + RX_NOISE_REACH] */
     double measured[RX_NOISE_SIDE]
-                   [RX_NOISE_SIDE]; /* with what is within its error of 0; all 0: not measured */
-    double error;                   /* 1 sigma of one of them, 0 where not measured */
-    double scale;                   /* width of (pixel - sky) / sigma: 1 where sigma is the noise */
-    long pixels;                    /* behind the measurement */
+                   [RX_NOISE_SIDE];  /* with what is within its error of 0; all 0: not measured */
+    double error;                    /* 1 sigma of one of them, 0 where not measured */
+    double scale;                    /* width of (pixel - sky) / sigma: 1 where sigma is the noise */
+    long pixels;                     /* behind the measurement */
+    double skewness, skewness_error; /* of their distribution, and 1 sigma; HUGE_VAL: too few to say */
     /* sum at, over lags of 3 pixels, of x low y low, x high y low, x low y high, x high y high; NAN with too little sky; and
      * 1 sigma. Where light was subtracted it may be below 0. */
     double quadrant[RX_NOISE_QUADRANTS], quadrant_error[RX_NOISE_QUADRANTS];
@@ -55,7 +56,8 @@ rx_noise_correlation rx_noise_of_kernel(const float *kernel, int width, int heig
  * the PSF is. Its share, and a constant for the sky subtracted with it, are fitted to the measured correlation at all
  * lags; where they leave nothing at the nearest 8, pixels are independent. Else they are fitted at lags of 3 pixels
  * and more, not along rows and columns, as noise has short lags, and subtracted as far as the rest sums up to no less than independent pixels do.
- * A share below 5 of its errors counts as none, one above 0.85 as smoothed noise. But smoothing that looks like this leaves a
+ * A share below 5 of its errors counts as none, one above 0.85 as smoothed noise, or, where the pixels' distribution is skewed as light is,
+ * as stars without end, whose light stays in the noise, independent from star to star. But smoothing that looks like this leaves a
  * pixel a tenth of its noise or less: where `photons`, the variance of the sky's over the one measured (0: not known), is
  * below 0.15 even so, read noise would have 50 times theirs, and all but the photons may be light. psf[height][width]. Returns
  * the share, 0 where nothing was done. */

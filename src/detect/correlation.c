@@ -40,6 +40,7 @@ static const double FLOOR = 0.3;      /* more than that at the reach is noise, n
 typedef struct cell {
     long used;
     double lag[LAGS]; /* mean products over the mean square; lag[0] the width */
+    double skewness;
 } cell;
 
 typedef struct room {
@@ -228,6 +229,19 @@ static void mean_products(const room *r, int dx, double *lag)
     }
 }
 
+static double mean_cube(const room *r)
+{
+    double sum = 0.0;
+    long n = 0;
+    for (int y = REACH; y < REACH + CELL; y++)
+        for (int x = REACH; x < REACH + CELL; x++) {
+            const double z = (double)r->z[y * WINDOW + x];
+            sum += z * z * z;
+            n += r->good[y * WINDOW + x];
+        }
+    return n > 0 ? sum / (double)n : 0.0;
+}
+
 static void measure_cell(const rx_image *image, const unsigned char *used, int left, int low, room *r,
                          cell *dst)
 {
@@ -247,6 +261,7 @@ static void measure_cell(const rx_image *image, const unsigned char *used, int l
     const double variance = dst->lag[0];
     if (!(variance > 0.0))
         return;
+    dst->skewness = mean_cube(r) / pow(variance, 1.5);
     for (int dx = -REACH; dx <= REACH; dx++)
         if (dx != 0)
             mean_products(r, dx, dst->lag);
@@ -302,6 +317,10 @@ static rx_noise_correlation combine(const cell *cells, const int *which, int n, 
         for (int dx = dy == 0 ? 1 : -REACH; dx <= REACH; dx++, k++)
             noise.at[REACH + dy][REACH + dx] = noise.at[REACH - dy][REACH - dx] =
                 median_lag(cells, which, n, k, sorted);
+    for (int i = 0; i < n; i++)
+        sorted[i] = cells[which[i]].skewness;
+    const double width = rx_sigma_mad(sorted, (size_t)n, &noise.skewness);
+    noise.skewness_error = n < QUADRANT_CELLS ? HUGE_VAL : RX_MEDIAN_ERROR * width / sqrt((double)n);
     remove_floor(&noise);
     double squares = 0.0, largest = 0.0, sum = 0.0;
     for (int dy = -REACH; dy <= REACH; dy++)

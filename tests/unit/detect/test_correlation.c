@@ -84,7 +84,23 @@ static void test_white_noise_is_white(void **state)
         assert_near(noise.at[MID][MID + 1], 0, 0);
         assert_near(rx_noise_factor_wide(&noise), 1, 0);
         assert_near(noise.scale, 1, 0.015);
+        assert_true(noise.skewness_error < 0.02);
+        assert_near(noise.skewness, 0, 5 * noise.skewness_error + 0.02);
     }
+}
+
+/* Exponential pixels: 2, and 1.437 where they are cut 4 sigma above their median. */
+static void test_skewed_pixels(void **state)
+{
+    (void)state;
+    float *pixels = malloc((size_t)SIDE * SIDE * sizeof *pixels);
+    assert_non_null(pixels);
+    for (uint64_t k = 0; k < (uint64_t)SIDE * SIDE; k++)
+        pixels[k] = (float)(1.5 * (pow(rx_random_normal(3, 1, k), 2) + pow(rx_random_normal(3, 2, k), 2)));
+    const rx_noise_correlation noise = measure_image(pixels, SIDE, SIDE, 1);
+    free(pixels);
+    print_message("skewness %.3f +- %.3f\n", noise.skewness, noise.skewness_error);
+    assert_near(noise.skewness, 1.437, 0.03);
 }
 
 /* rho(d) of the mean of two neighbours with weights 1 - s and s: s (1 - s) / (s^2 + (1 - s)^2) at 1, in x as in y. */
@@ -405,6 +421,32 @@ static void test_photons_bound_light(void **state)
     assert_false(rx_noise_reaches_far(&shifted));
 }
 
+/* The same pixels, skewed as light is, or too little or too uncertain for that. */
+static void test_stars_without_end(void **state)
+{
+    (void)state;
+    enum { SIZE = 41 };
+    static const double skewness[][2] = {{1, 0.05}, {0.4, 0.01}, {1, 0.11}, {1, HUGE_VAL}};
+    float psf[SIZE * SIZE];
+    for (int i = 0; i < SIZE * SIZE; i++)
+        psf[i] = (float)exp(-(pow(i % SIZE - 20, 2) + pow(i / SIZE - 20, 2)) / (2 * 1.26 * 1.26));
+    for (int k = 0; k < 4; k++)
+        for (int known = 0; known < 2; known++) { /* the photons' share */
+            rx_noise_correlation noise = rx_noise_white(RX_NOISE_MEASURED);
+            noise.correlated = 1;
+            noise.error = 0.001;
+            noise.skewness = skewness[k][0];
+            noise.skewness_error = skewness[k][1];
+            for (int dy = -MID; dy <= MID; dy++)
+                for (int dx = -MID; dx <= MID; dx++)
+                    noise.at[MID + dy][MID + dx] = noise.measured[MID + dy][MID + dx] =
+                        (dx == 0 && dy == 0 ? 0.07 : 0) + 0.93 * exp(-(dx * dx + dy * dy) / (4 * 1.3 * 1.3));
+            rx_noise_without_light(&noise, psf, SIZE, SIZE, known ? 0.07 : 0);
+            assert_int_equal(noise.correlated, k > 0 && !known);
+            assert_near(noise.scale, k > 0 && known ? sqrt(0.07) : 1, 0.01);
+        }
+}
+
 /* A moving average that is not the same in x and y, nor along the two diagonals. */
 enum { K = 3 };
 static const float KERNEL[K * K] = {0.1f, 0.3f, 0.2f, 0.5f, 1.0f, 0.3f, 0.0f, 0.6f, 0.4f};
@@ -548,6 +590,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_white_noise_is_white),
+        cmocka_unit_test(test_skewed_pixels),
         cmocka_unit_test(test_bilinear_shifts),
         cmocka_unit_test(test_quadrants),
         cmocka_unit_test(test_power),
@@ -561,6 +604,7 @@ int main(void)
         cmocka_unit_test(test_most_is_light),
         cmocka_unit_test(test_ringing_is_no_light),
         cmocka_unit_test(test_photons_bound_light),
+        cmocka_unit_test(test_stars_without_end),
         cmocka_unit_test(test_sources_that_are_known),
         cmocka_unit_test(test_resampled_images),
     };
