@@ -10,20 +10,16 @@
  * as they are give 416. */
 static const double SAMPLED = 1.8;
 
-const rx_restorer *rx_choice_candidate(int i)
+rx_status rx_choice_before(const rx_pipeline_params *params, const rx_field *field, int i,
+                           const rx_restorer **kind, char why[200], rx_error *err)
 {
     static const char *const names[RX_CHOICE_CANDIDATES] = {"NET", "RL", "NONE"};
-    return rx_restorer_find(names[i]);
-}
-
-rx_status rx_choice_before(const rx_pipeline_params *params, const rx_field *field, const rx_restorer *kind,
-                           char why[200], rx_error *err)
-{
     const char *unknown = field->psf == NULL ? "PSF" : field->plain->constant ? "noise" : NULL;
     rx_restore_params par = params->restore;
     rx_domain domain;
     why[0] = '\0';
-    if ((kind->traits & RX_TRAIT_PLAIN) != 0)
+    *kind = rx_restorer_find(names[i]);
+    if (((*kind)->traits & RX_TRAIT_PLAIN) != 0)
         return RX_OK;
     if (unknown != NULL) {
         snprintf(why, 200, "the %s is not known", unknown);
@@ -33,16 +29,16 @@ rx_status rx_choice_before(const rx_pipeline_params *params, const rx_field *fie
         snprintf(why, 200, "FWHM %.4g pixels is below %g", field->psf->fwhm, SAMPLED);
         return RX_OK;
     }
-    if ((kind->traits & RX_TRAIT_TRAINED) == 0)
+    if (((*kind)->traits & RX_TRAIT_TRAINED) == 0)
         return RX_OK;
     if (par.model == NULL) {
         snprintf(why, 200, "there is no model");
         return RX_OK;
     }
-    const rx_restorer *done = kind;
+    const rx_restorer *done = *kind;
     par.out_of_domain = RX_DOMAIN_RL;
     RX_TRY(rx_domain_obey(&par, field, NULL, &done, &domain, err));
-    if (done != kind)
+    if (done != *kind)
         snprintf(why, 200, "%s", domain.why);
     return RX_OK;
 }

@@ -8,13 +8,10 @@
 
 enum { RX_CHOICE_CANDIDATES = 3 };
 
-/* In that order. */
-const rx_restorer *rx_choice_candidate(int i);
-
-/* why: "", or why it is not tried on this field: PSF or noise are not known, the model was not made for the tile, or the PSF is
- * narrower than what is restored. Errors: RX_SYSTEM. */
-rx_status rx_choice_before(const rx_pipeline_params *params, const rx_field *field, const rx_restorer *kind,
-                           char why[200], rx_error *err);
+/* *kind: candidate i. why: "", or why it is not tried on this field: PSF or noise are not known, the model was not made for the
+ * tile, or the PSF is narrower than what is restored. Errors: RX_SYSTEM. */
+rx_status rx_choice_before(const rx_pipeline_params *params, const rx_field *field, int i,
+                           const rx_restorer **kind, char why[200], rx_error *err);
 
 /* why: "", or why what it made of the tile is not taken: its fluxes are not those of the pixels, or what it restored,
  * blurred again, does not explain them. */

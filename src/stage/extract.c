@@ -268,8 +268,7 @@ static rx_status extract_by_choice(rx_run *run, work *w, rx_log *log, rx_error *
     char out[200], all[sizeof run->why] = "the model of the tile explains it";
     size_t used = 0;
     for (int i = 0; i < RX_CHOICE_CANDIDATES; i++) {
-        w->kind = rx_choice_candidate(i);
-        RX_TRY(rx_choice_before(&w->options->pipeline, w->detect, w->kind, out, err));
+        RX_TRY(rx_choice_before(&w->options->pipeline, w->detect, i, &w->kind, out, err));
         if (out[0] == '\0') {
             RX_TRY(extract(run, w, log, err));
             rx_choice_after(&w->result, out);
