@@ -9,7 +9,7 @@
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 top=$(cd "$here/.." && pwd)
-names=(restoration restoration-real restoration-fast restoration-blind restoration-paper restoration-paper-informed detection detection-errors photometry photometry-sdss
+names=(restoration restoration-real restoration-fast restoration-blind restoration-paper restoration-paper-long restoration-paper-informed detection detection-errors photometry photometry-sdss
     fluxes fluxes-errors robustness preal quality)
 usage="final.sh: usage: final.sh SEED FOLDER [NAME...] | take FOLDER; names: ${names[*]}"
 [[ $# -ge 2 ]] || { echo "$usage" >&2; exit 2; }
@@ -22,6 +22,7 @@ data=${RX_SHARED_DATA:-$top/../shared/data}
 run() {
     case $1 in
     restoration-real) "$here/run.sh" restoration-real "$size" "$3" -SEED "$2" ;;
+    restoration-paper-long) RX_MODEL=$here/training/psfnet-paper-long.fits "$here/run.sh" restoration "$size" "$3" -SEED "$2" ;;
     restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration "$size" "$3" -SEED "$2" ;;
     photometry-sdss) "$here/run.sh" sdss "$size" "$3" -SEED "$2" ;;
     robustness) "$python" "$here/robustness.py" "$3" "$2" ;;

@@ -923,8 +923,8 @@ def against_time():
 
 
 # Networks by the campaign of their restorations; the paper's kind first.
-NETWORKS = {"restoration-blind": "psfnet-blind", "restoration-paper": "psfnet-paper", "restoration-paper-informed": "psfnet-paper-informed",
-            "restoration": "psfnet", "restoration-fast": "psfnet-fast", "restoration-real": "psfnet, galaxies of COSMOS"}
+NETWORKS = {"restoration-blind": "psfnet-blind", "restoration-paper": "psfnet-paper", "restoration-paper-long": "psfnet-paper-long",
+            "restoration-paper-informed": "psfnet-paper-informed", "restoration": "psfnet", "restoration-fast": "psfnet-fast", "restoration-real": "psfnet, galaxies of COSMOS"}
 LISTS = ("photometry", "photometry-sdss", "fluxes", "fluxes-errors", "detection", "detection-errors")
 
 
@@ -1014,7 +1014,7 @@ def paper_tables():
     lines = []
     for (title, scene, quantity), printed in PRINTED.items():
         rows = [["the paper", *(f"{value:.2f}" for value in printed.values())]]
-        rows += [[NETWORKS[name], *(f"{t_of(name, scene, quantity, bin):.2f}" for bin in printed)] for name in ("restoration-blind", "restoration-paper", "restoration")]
+        rows += [[NETWORKS[name], *(f"{t_of(name, scene, quantity, bin):.2f}" for bin in printed)] for name in ("restoration-blind", "restoration-paper-long", "restoration")]
         lines.append(table([title, *map(str, printed)], rows))
     return "\n".join(lines)
 
