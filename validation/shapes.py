@@ -197,7 +197,7 @@ def richardson_lucy(image, psf, iterations):
 # The program
 
 COLUMNS = "SPHEROID_REFF_IMAGE SPHEROID_SERSICN SPHEROID_ASPECT_IMAGE SPHEROID_THETA_IMAGE"
-LEFT = {"RL": 0.0, "NET": 2.0}  # FWHM of the Gaussian that the restored image has left, pixels
+LEFT = {"RL": lambda fwhm: 0.8 * fwhm, "NET": lambda fwhm: 2.0}  # FWHM of the Gaussian that the restored image has left (RL_DENOISE; the network's output), pixels
 
 
 def cells(n):
@@ -241,7 +241,7 @@ def one(program, shape, draw, k, rng):
                        PIXEL_SCALE=SCALE, NTHREADS=1)
     for sn, cell in zip(SN, cells(len(SN))):
         for r, run in runs.items():
-            g[r].append(shape(run.images["RESTORED"][cell], shape.gauss(LEFT[r]), -1 / 8))
+            g[r].append(shape(run.images["RESTORED"][cell], shape.gauss(LEFT[r](run.fwhm)), -1 / 8))
         image = fitted(runs["NET"], cell)
         g["fit"].append([1, 0] if image is None else shape(image, 1, -1 / 8))
         if sn == SHOWN and len(program.shown) < 6:
