@@ -39,7 +39,7 @@ def frame(names):
     whole = tiles.sdss_frame(data)
     deep = fits.getdata(data / "sdss/94-1-12/stripe82_coadd_catalog.fit", 1)
     magnitude = np.full(len(whole.known), 99.0)  # of what other catalogues have: there, but not to be found
-    magnitude[:len(deep)] = deep["psfmag_r"] if "psfmag_r" in deep.names else deep["modelmag_r"]
+    magnitude[:len(deep)] = deep["psfmag_r"]
     w, h = whole.pixels.shape[1] // PIECES[0], whole.pixels.shape[0] // PIECES[1]
     for k in range(PIECES[0] * PIECES[1]):
         x, y = k % PIECES[0] * w, k // PIECES[0] * h

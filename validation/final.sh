@@ -22,7 +22,6 @@ data=${RX_SHARED_DATA:-$top/../shared/data}
 run() {
     case $1 in
     restoration-real) "$here/run.sh" restoration-real "$size" "$3" -SEED "$2" ;;
-    restoration-paper-long) RX_MODEL=$here/training/psfnet-paper-long.fits "$here/run.sh" restoration "$size" "$3" -SEED "$2" ;;
     restoration-*) RX_MODEL=$top/config/psfnet-${1#*-}.fits "$here/run.sh" restoration "$size" "$3" -SEED "$2" ;;
     photometry-sdss) "$here/run.sh" sdss "$size" "$3" -SEED "$2" ;;
     robustness) "$python" "$here/robustness.py" "$3" "$2" ;;
