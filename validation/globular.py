@@ -9,7 +9,7 @@ detection lies within 0.5 pixels in x and y and 0.5 mag; 5 pixels at the border 
 STARS such stars in the middle 100 x 100 pixels, N(> f) ~ f^-SLOPE from 20 to 10^6 electrons, density falling from the cluster's centre, 289 pixels away,
 as the frame's light does; Moffat PSF of FWHM 2.65 pixels (psField) and beta 3.5; sky of 686 electrons. STARS and SLOPE are such that the
 pixels are as bright as the frame's (percentiles below the table) and DAOPHOT finds there what was published.
-Ours are runs with no keyword but the zero point's; DAOPHOT is IRAF's (allstar.py). REXTRACT and RX_MODEL as in crowded.py.
+Ours are runs with zero point, no saturation and no check on blank noise given, all else as it is by default; DAOPHOT is IRAF's (allstar.py). REXTRACT and RX_MODEL as in crowded.py.
 """
 import os
 import sys
